@@ -1,0 +1,95 @@
+//! Finished accessibility volumes, by what they were computed from.
+
+use std::rc::Rc;
+
+use sha2::{Digest, Sha256};
+
+use super::build::Accessibility;
+use crate::scene::{AmbientOcclusion, AoMethod, AoStructure, Radius};
+use crate::volume::VolumeId;
+
+/// Results kept besides the one in use, so that undo, presets and toggles come back at once.
+const KEPT_RESULTS: usize = 8;
+
+/// Everything that a result depends on, and nothing else: two scenes with equal keys share one result.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct AoKey {
+    volume: VolumeId,
+    opacity_table: [u8; 32],
+    method: AoMethod,
+    /// Settings that the method reads; the others are zero.
+    numbers: [u64; 6],
+}
+
+impl AoKey {
+    /// The key of these settings. Call with a method other than `Off`.
+    pub fn new(volume: &VolumeId, opacity_table: &[u16], settings: &AmbientOcclusion) -> Self {
+        let numbers = match settings.method {
+            AoMethod::Off => [0; 6],
+            AoMethod::Spao => {
+                let mip_levels = match settings.structure {
+                    AoStructure::NBuffer => 0,
+                    AoStructure::Mipmap => settings.levels,
+                    AoStructure::Hybrid => settings.mip_levels,
+                };
+                [u64::from(settings.levels), u64::from(mip_levels), settings.normal_factor.to_bits(), 0, 0, 0]
+            }
+            AoMethod::Raytraced => {
+                let (kind, reach) = match settings.radius {
+                    Radius::SameAsLevels => (0, u64::from(settings.levels)),
+                    Radius::Voxels(reach) => (1, reach.to_bits()),
+                    Radius::Unlimited => (2, 0),
+                };
+                let hemisphere = u64::from(settings.normal_factor != 0.0);
+                [0, 0, hemisphere, u64::from(settings.rays), kind, reach]
+            }
+        };
+        let opacity_table = Sha256::digest(bytemuck::cast_slice::<u16, u8>(opacity_table)).into();
+        Self { volume: volume.clone(), opacity_table, method: settings.method, numbers }
+    }
+
+    /// The volume that the result is of.
+    pub fn volume(&self) -> &VolumeId {
+        &self.volume
+    }
+}
+
+/// The most recently used results, newest last.
+#[derive(Debug, Default)]
+pub struct AoCache {
+    results: Vec<(AoKey, Rc<Accessibility>)>,
+}
+
+impl AoCache {
+    /// The result for `key`, which counts as used now.
+    pub fn get(&mut self, key: &AoKey) -> Option<Rc<Accessibility>> {
+        let at = self.results.iter().position(|r| &r.0 == key)?;
+        let result = self.results.remove(at);
+        let accessibility = result.1.clone();
+        self.results.push(result);
+        Some(accessibility)
+    }
+
+    /// Keeps a result; the least recently used one goes when there are too many.
+    pub fn insert(&mut self, key: AoKey, accessibility: Rc<Accessibility>) {
+        self.results.retain(|r| r.0 != key);
+        self.results.push((key, accessibility));
+        if self.results.len() > KEPT_RESULTS {
+            self.results.remove(0);
+        }
+    }
+
+    /// Drops the least recently used result; false when there is none.
+    pub fn evict_one(&mut self) -> bool {
+        if self.results.is_empty() {
+            return false;
+        }
+        self.results.remove(0);
+        true
+    }
+
+    /// Drops all results of a volume.
+    pub fn forget_volume(&mut self, volume: &VolumeId) {
+        self.results.retain(|r| &r.0.volume != volume);
+    }
+}

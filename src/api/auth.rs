@@ -1,0 +1,70 @@
+//! API keys: `Authorization: Bearer KEY`, compared in constant time.
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, header};
+use axum::middleware::Next;
+use axum::response::Response;
+use sha2::{Digest, Sha256};
+use subtle::{Choice, ConstantTimeEq};
+
+use super::AppState;
+use crate::error::{ApiError, ErrorCode};
+
+/// Routes that need no key: an orchestrator's probes have none.
+const OPEN_ROUTES: [&str; 2] = ["/livez", "/readyz"];
+
+/// The keys that open the server; none means that no key is needed.
+#[derive(Clone, Default)]
+pub struct ApiKeys(Vec<[u8; 32]>);
+
+impl std::fmt::Debug for ApiKeys {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ApiKeys({})", self.0.len())
+    }
+}
+
+impl ApiKeys {
+    /// Keeps only digests: equal lengths make the comparison independent of the key's own length.
+    pub fn new(keys: &[String]) -> Self {
+        Self(keys.iter().map(|key| Sha256::digest(key).into()).collect())
+    }
+
+    /// True when no key is needed.
+    pub fn is_open(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Compares with every key, whichever fits.
+    pub fn accepts(&self, key: &[u8]) -> bool {
+        let digest: [u8; 32] = Sha256::digest(key).into();
+        self.0
+            .iter()
+            .fold(Choice::from(0), |found, known| found | known.ct_eq(&digest))
+            .into()
+    }
+}
+
+/// Lets a request pass when it carries a key, or needs none.
+pub(super) async fn require_key(
+    State(state): State<AppState>,
+    request: Request,
+    next: Next,
+) -> Result<Response, ApiError> {
+    if state.keys.is_open() || OPEN_ROUTES.contains(&request.uri().path()) {
+        return Ok(next.run(request).await);
+    }
+    match bearer(request.headers()) {
+        Some(key) if state.keys.accepts(key) => Ok(next.run(request).await),
+        Some(_) => Err(ApiError::new(ErrorCode::Unauthorized, "this key is not known")),
+        None => Err(ApiError::new(
+            ErrorCode::Unauthorized,
+            "a key is needed: `Authorization: Bearer KEY`",
+        )),
+    }
+}
+
+fn bearer(headers: &HeaderMap) -> Option<&[u8]> {
+    let value = headers.get(header::AUTHORIZATION)?.as_bytes();
+    let (scheme, key) = value.split_at_checked(7)?;
+    scheme.eq_ignore_ascii_case(b"bearer ").then(|| key.trim_ascii())
+}

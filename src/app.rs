@@ -1,0 +1,149 @@
+//! The server's life: open the renderer, load what the command line names, serve, drain.
+
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use axum::serve::ListenerExt;
+use serde_json::json;
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+
+use crate::api::{AppState, Phase, router};
+use crate::config::ServeArgs;
+use crate::render_thread::{RenderHandle, RenderThread};
+use crate::session::VolumeSource;
+
+/// How often the render thread's pulse is felt.
+const PULSE: Duration = Duration::from_millis(500);
+
+/// Serves until SIGTERM or SIGINT, then drains. Once the server is ready, `out` gets the lines for people.
+///
+/// # Errors
+/// The address cannot be bound, no adapter can be had, a volume cannot be loaded, or the renderer ends.
+pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+    let listener = TcpListener::bind(config.addr).await.with_context(|| format!("cannot listen on {}", config.addr))?;
+    let address = listener.local_addr()?;
+    let options = config.gpu.options();
+    let (renderer, thread) = tokio::task::spawn_blocking(move || RenderHandle::spawn(options)).await??;
+    let info = renderer.info();
+    tracing::info!(adapter = info.adapter, backend = info.backend, driver = info.driver_info, software = info.software, "adapter");
+
+    let state = AppState::new(&config, renderer);
+    let (stop, stopped) = oneshot::channel::<()>();
+    // Small answers should not wait for more to send.
+    let listener = listener.tap_io(|stream| {
+        let _ = stream.set_nodelay(true);
+    });
+    let service = axum::serve(listener, router(state.clone())).with_graceful_shutdown(async {
+        let _ = stopped.await;
+    });
+    let server = tokio::spawn(service.into_future());
+
+    let work = async {
+        preload(&state, &config.volumes).await?;
+        state.lifecycle.enter(Phase::Serving);
+        announce(out, &state, address)?;
+        watch_renderer(&state).await
+    };
+    let outcome = tokio::select! {
+        outcome = work => outcome,
+        signal = stop_signal() => {
+            tracing::info!(signal = signal?, "draining");
+            Ok(())
+        }
+    };
+    drain(state, server, stop, thread, config.drain_timeout).await;
+    outcome
+}
+
+/// Loads the volumes of the command line, each with a default scene.
+async fn preload(state: &AppState, volumes: &[String]) -> anyhow::Result<()> {
+    let limits = state.volume_limits();
+    for argument in volumes {
+        let named = argument.clone();
+        let prepared = tokio::task::spawn_blocking(move || VolumeSource::from_argument(&named)?.prepare(None, &limits));
+        let prepared = prepared.await?.with_context(|| format!("cannot load {argument}"))?;
+        let place = state.volumes.reserve()?;
+        let entry = place.fill(prepared).await.with_context(|| format!("cannot load {argument}"))?;
+        let scene = state.scenes.create(&json!({ "volume": entry.id.0 }))?;
+        tracing::info!(volume = entry.id.0, name = entry.name, scene = scene.id, "loaded");
+    }
+    Ok(())
+}
+
+/// Where the server is and what to try first.
+fn announce(out: &mut dyn Write, state: &AppState, address: SocketAddr) -> std::io::Result<()> {
+    writeln!(out, "Listening on http://{address}")?;
+    // An unspecified address can be listened on but not opened in a browser.
+    let reachable = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => SocketAddr::new(Ipv4Addr::LOCALHOST.into(), address.port()),
+        IpAddr::V6(ip) if ip.is_unspecified() => SocketAddr::new(Ipv6Addr::LOCALHOST.into(), address.port()),
+        _ => address,
+    };
+    writeln!(out, "Viewer:  http://{reachable}/")?;
+    let key = if state.keys.is_open() { "" } else { " -H \"Authorization: Bearer $KEY\"" };
+    match state.scenes.list().first() {
+        Some(scene) => {
+            let id = scene.snapshot().id;
+            writeln!(out, "Try:     curl{key} -o frame.png 'http://{reachable}/v1/scenes/{id}/frame?width=1024&height=768'")?;
+        }
+        None => writeln!(
+            out,
+            "Try:     curl{key} -H 'Content-Type: application/json' \
+             -d '{{\"source\":{{\"procedural\":{{\"kind\":\"gyroid\",\"dims\":[128,128,128]}}}}}}' http://{reachable}/v1/volumes"
+        )?,
+    }
+    out.flush()
+}
+
+/// Ends when the renderer does: a server without one must be restarted, not kept.
+async fn watch_renderer(state: &AppState) -> anyhow::Result<()> {
+    while state.renderer.is_alive() {
+        tokio::time::sleep(PULSE).await;
+    }
+    Err(anyhow!("the renderer is gone"))
+}
+
+/// Waits for SIGTERM or SIGINT.
+async fn stop_signal() -> anyhow::Result<&'static str> {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
+        tokio::select! {
+            _ = terminate.recv() => Ok("SIGTERM"),
+            _ = interrupt.recv() => Ok("SIGINT"),
+        }
+    }
+    #[cfg(not(unix))]
+    {
+        tokio::signal::ctrl_c().await?;
+        Ok("ctrl-c")
+    }
+}
+
+/// Takes no new work, finishes what is in flight and ends the render thread, all within the deadline.
+async fn drain(
+    state: AppState,
+    server: tokio::task::JoinHandle<std::io::Result<()>>,
+    stop: oneshot::Sender<()>,
+    thread: RenderThread,
+    timeout: Duration,
+) {
+    let deadline = Instant::now() + timeout;
+    let left = || deadline.saturating_duration_since(Instant::now());
+    state.lifecycle.enter(Phase::Draining);
+    // The listener stays open until then, so that probes see why nothing is served.
+    let idle = state.lifecycle.idle(left()).await;
+    let _ = stop.send(());
+    let abort = server.abort_handle();
+    let closed = tokio::time::timeout(left(), server).await.is_ok();
+    abort.abort();
+    // The render thread ends with its last handle.
+    drop(state);
+    let wait = left();
+    let joined = tokio::task::spawn_blocking(move || thread.join(wait)).await.unwrap_or(false);
+    tracing::info!(idle, closed, renderer_ended = joined, "stopped");
+}

@@ -1,0 +1,273 @@
+//! Jobs: state machines that do a slice of work each time they are advanced.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::exposure::exposure;
+use super::raycast::{depth_prefix, raycast_params};
+use super::request::{
+    AccessibilityVolume, AoReport, AoUpdate, Frame, FrameRequest, RenderError, Residency, StageTimings,
+};
+use super::resident::{ResidentVolume, Upload};
+use super::work::{Ao, Renderer, Turn};
+use crate::ao::{Accessibility, AoBuild, AoKey};
+use crate::gpu::{Binding, Category, Gpu, GpuError, GpuTexture, Recorder};
+use crate::scene::Scene;
+use crate::volume::{Volume, VolumeId};
+
+/// A volume on its way to the GPU.
+#[derive(Debug)]
+pub struct UploadJob {
+    id: VolumeId,
+    volume: Arc<Volume>,
+    upload: Option<Upload>,
+}
+
+impl UploadJob {
+    /// Nothing is done or reserved yet.
+    pub fn new(id: VolumeId, volume: Arc<Volume>) -> Self {
+        Self { id, volume, upload: None }
+    }
+
+    /// Does a slice of the work.
+    ///
+    /// # Errors
+    /// Any [`RenderError`]; nothing remains on the GPU then.
+    pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<Residency>, RenderError> {
+        let Some(mut upload) = self.upload.take() else {
+            let upload = Upload::new(&renderer.gpu, self.volume.clone()).map_err(|e| renderer.explain(e))?;
+            self.upload = Some(upload);
+            return Ok(Turn::Pending(0.0));
+        };
+        let done = upload.advance(&renderer.gpu, &renderer.stages.gradient);
+        if !renderer.with_resident(done)? {
+            let fraction = upload.fraction();
+            self.upload = Some(upload);
+            return Ok(Turn::Pending(fraction));
+        }
+        let resident = upload.finish();
+        let gpu_bytes = resident.bytes();
+        renderer.keep_volume(self.id.clone(), resident);
+        Ok(Turn::Done(Residency { gpu_bytes }))
+    }
+}
+
+/// The part that pictures and downloads share: from a scene to its accessibility volume.
+#[derive(Debug)]
+struct AoProgress {
+    build: Option<(AoKey, Rc<RefCell<AoBuild>>)>,
+    elapsed: Duration,
+    started: bool,
+}
+
+/// Accessibility of a scene, `None` where it is off, and how it came about.
+type Finished = (Option<Rc<Accessibility>>, AoReport);
+
+impl AoProgress {
+    fn new() -> Self {
+        Self { build: None, elapsed: Duration::ZERO, started: false }
+    }
+
+    fn advance(
+        &mut self,
+        renderer: &mut Renderer,
+        resident: &ResidentVolume,
+        scene: &Scene,
+    ) -> Result<Turn<Finished>, RenderError> {
+        let begin = Instant::now();
+        if self.build.is_none() {
+            match renderer.ao(resident, scene)? {
+                Ao::Off => return Ok(self.done(None, AoUpdate::Off)),
+                Ao::Ready(result) => return Ok(self.done(Some(result), AoUpdate::Cached)),
+                Ao::Building(key, build) => self.build = Some((key, build)),
+            }
+            self.started = true;
+        }
+        let Some((key, build)) = self.build.clone() else {
+            return Ok(Turn::Pending(0.0));
+        };
+        let turn = build.borrow_mut().advance(&renderer.gpu, &renderer.stages.ao);
+        let finished = renderer.with_resident(turn)?;
+        self.elapsed += begin.elapsed();
+        if !finished {
+            return Ok(Turn::Pending(build.borrow().fraction()));
+        }
+        let Some(result) = renderer.finish_ao(&key, &build)? else {
+            // Another job took it and it is gone from the cache already: start again.
+            self.build = None;
+            return Ok(Turn::Pending(0.0));
+        };
+        Ok(self.done(Some(result), AoUpdate::Full))
+    }
+
+    fn done(&self, result: Option<Rc<Accessibility>>, update: AoUpdate) -> Turn<Finished> {
+        let update = if self.started { AoUpdate::Full } else { update };
+        Turn::Done((result, AoReport { update, elapsed: self.elapsed }))
+    }
+}
+
+/// One picture.
+#[derive(Debug)]
+pub struct FrameJob {
+    request: FrameRequest,
+    resident: Option<Rc<ResidentVolume>>,
+    ao: AoProgress,
+}
+
+impl FrameJob {
+    /// Nothing is done yet.
+    pub fn new(request: FrameRequest) -> Self {
+        Self { request, resident: None, ao: AoProgress::new() }
+    }
+
+    /// Does a slice of the work.
+    ///
+    /// # Errors
+    /// Any [`RenderError`] of this picture.
+    pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<Frame>, RenderError> {
+        let resident = match &self.resident {
+            Some(resident) => resident.clone(),
+            None => self.resident.insert(renderer.resident(&self.request.scene.volume)?).clone(),
+        };
+        let (accessibility, ao) = match self.ao.advance(renderer, &resident, &self.request.scene)? {
+            Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
+            Turn::Done(done) => done,
+        };
+        let result = draw(renderer, &resident, &self.request, accessibility.as_deref(), ao);
+        renderer.with_resident(result).map(Turn::Done)
+    }
+}
+
+/// Casts the rays and brings the picture back.
+fn draw(
+    renderer: &Renderer,
+    resident: &ResidentVolume,
+    request: &FrameRequest,
+    accessibility: Option<&Accessibility>,
+    ao: AoReport,
+) -> Result<Frame, GpuError> {
+    let (gpu, stages) = (&renderer.gpu, &renderer.stages);
+    let FrameRequest { scene, width, height } = request;
+    let begin = Instant::now();
+    let table = Renderer::transfer_table(resident, scene);
+    let distance = Renderer::occupancy(resident, &table);
+    let size = [*width, *height];
+    let bricks = resident.brick_ranges.dims;
+    let exposure = exposure(scene, accessibility.map_or(1.0, |a| a.surface_reference));
+    let params = raycast_params(scene, &resident.volume.grid, &table, resident.code_scale, bricks, size, exposure);
+    let bytes = u64::from(*width) * u64::from(*height) * 4;
+    let storage = |label, data: &[u8]| gpu.storage_with(label, Category::Frame, data);
+    let distance = storage("brick distance", &distance)?;
+    let depths = storage("depth table", bytemuck::cast_slice(&depth_prefix(&table)))?;
+    let colors = storage("color table", bytemuck::cast_slice(&table.color))?;
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let picture = gpu.buffer("picture", Category::Frame, bytes, usage)?;
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let readback = gpu.buffer("picture read-back", Category::Frame, bytes, usage)?;
+    gpu.guarded("ray casting", || {
+        let mut recorder = Recorder::new(gpu, "raycast");
+        let bindings = [
+            (1, Binding::Texture(&resident.values.view)),
+            (2, Binding::Sampler(&stages.linear_sampler)),
+            (3, Binding::Texture(&resident.gradients.view)),
+            (4, Binding::Texture(&accessibility.map_or(&stages.white, |a| &a.texture).view)),
+            (5, Binding::Buffer(&distance.raw)),
+            (6, Binding::Buffer(&depths.raw)),
+            (7, Binding::Buffer(&colors.raw)),
+            (8, Binding::Buffer(&picture.raw)),
+        ];
+        let stage = stages.raycast.choose(accessibility.is_some(), &resident.values);
+        stage.record(gpu, &mut recorder, &params, &bindings, [*width, *height, 1])?;
+        recorder.run(gpu)?;
+        let raycast = begin.elapsed();
+        let mut recorder = Recorder::new(gpu, "read-back");
+        recorder.copy(&picture, &readback, bytes);
+        let rgba = recorder.run_and_read(gpu, &readback, bytes, <[u8]>::to_vec)?;
+        let timings =
+            StageTimings { queue: Duration::ZERO, ao: ao.elapsed, raycast, readback: begin.elapsed() - raycast };
+        Ok(Frame { width: *width, height: *height, rgba, timings, ao })
+    })
+}
+
+/// A download of accessibility.
+#[derive(Debug)]
+pub struct AccessibilityJob {
+    scene: Arc<Scene>,
+    resident: Option<Rc<ResidentVolume>>,
+    ao: AoProgress,
+}
+
+impl AccessibilityJob {
+    /// Nothing is done yet.
+    pub fn new(scene: Arc<Scene>) -> Self {
+        Self { scene, resident: None, ao: AoProgress::new() }
+    }
+
+    /// Does a slice of the work.
+    ///
+    /// # Errors
+    /// Any [`RenderError`] of this job.
+    pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<AccessibilityVolume>, RenderError> {
+        let resident = match &self.resident {
+            Some(resident) => resident.clone(),
+            None => self.resident.insert(renderer.resident(&self.scene.volume)?).clone(),
+        };
+        let (accessibility, ao) = match self.ao.advance(renderer, &resident, &self.scene)? {
+            Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
+            Turn::Done(done) => done,
+        };
+        let begin = Instant::now();
+        let dims = resident.volume.grid.dims;
+        let values = match accessibility {
+            None => vec![1.0; usize::try_from(resident.volume.grid.voxel_count()).unwrap_or(0)],
+            Some(result) => renderer.with_resident(read_accessibility(&renderer.gpu, &result.texture))?,
+        };
+        let timings = StageTimings { ao: ao.elapsed, readback: begin.elapsed(), ..StageTimings::default() };
+        // Samples lie at voxel centres.
+        Ok(Turn::Done(AccessibilityVolume { dims, values, first: [0.5; 3], step: [1.0; 3], timings }))
+    }
+}
+
+/// Reads a texture of 16-bit samples slice by slice, so that the read-back buffer stays small.
+fn read_accessibility(gpu: &Gpu, texture: &GpuTexture) -> Result<Vec<f32>, GpuError> {
+    let [x, y, z] = texture.dims();
+    let row_bytes = (2 * x).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let bytes = u64::from(row_bytes) * u64::from(y);
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let buffer = gpu.buffer("accessibility read-back", Category::Frame, bytes, usage)?;
+    let decode: fn([u8; 2]) -> f32 = match texture.format() {
+        wgpu::TextureFormat::R16Float => |a| half::f16::from_le_bytes(a).to_f32(),
+        _ => |a| f32::from(u16::from_le_bytes(a)) / 65535.0,
+    };
+    let mut values = Vec::with_capacity(x as usize * y as usize * z as usize);
+    for slice in 0..z {
+        gpu.guarded("reading accessibility", || {
+            let mut recorder = Recorder::new(gpu, "accessibility read-back");
+            recorder.encoder.copy_texture_to_buffer(
+                wgpu::TexelCopyTextureInfo {
+                    texture: &texture.raw,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y: 0, z: slice },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                wgpu::TexelCopyBufferInfo {
+                    buffer: &buffer.raw,
+                    layout: wgpu::TexelCopyBufferLayout {
+                        offset: 0,
+                        bytes_per_row: Some(row_bytes),
+                        rows_per_image: Some(y),
+                    },
+                },
+                wgpu::Extent3d { width: x, height: y, depth_or_array_layers: 1 },
+            );
+            recorder.run_and_read(gpu, &buffer, bytes, |data| {
+                for row in data.chunks_exact(row_bytes as usize) {
+                    values.extend(row[..2 * x as usize].chunks_exact(2).map(|a| decode([a[0], a[1]])));
+                }
+            })
+        })?;
+    }
+    Ok(values)
+}

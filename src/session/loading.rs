@@ -1,0 +1,192 @@
+//! From a source of voxels to a volume in host memory, and how many may be on their way at once.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use super::volumes::NewVolume;
+use crate::error::ApiError;
+use crate::volume::format::{load_path, peek_path, read_bytes};
+use crate::volume::{Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
+
+/// Bins that a scene's defaults are derived from.
+const FACT_BINS: u32 = 256;
+
+/// Where voxels come from.
+#[derive(Clone, Debug)]
+pub enum VolumeSource {
+    /// The bytes of a file.
+    Upload {
+        /// The whole file.
+        bytes: Vec<u8>,
+        /// Its format.
+        format: Format,
+        /// What a file without a header holds.
+        raw: Option<RawSpec>,
+    },
+    /// A file.
+    Path {
+        /// Relative to `data_dir`, which it cannot leave.
+        path: String,
+        /// The directory that may be read.
+        data_dir: PathBuf,
+    },
+    /// Computed.
+    Procedural(ProceduralSpec),
+}
+
+impl VolumeSource {
+    /// A volume named on the command line: a file, or `procedural:KIND:SIZE`.
+    ///
+    /// # Errors
+    /// Names `procedural`, or `path` if there is no such file.
+    pub fn from_argument(argument: &str) -> Result<Self, VolumeError> {
+        if let Some(text) = argument.strip_prefix("procedural:") {
+            return procedural_from_argument(text).map(Self::Procedural);
+        }
+        let io = |source| VolumeError::Io {
+            field: format!("path `{argument}`"),
+            source,
+        };
+        // Resolved first: on the command line a symbolic link may lead anywhere.
+        let path = Path::new(argument).canonicalize().map_err(io)?;
+        let (Some(directory), Some(file)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
+            return Err(io(std::io::ErrorKind::InvalidFilename.into()));
+        };
+        Ok(Self::Path {
+            path: file.to_owned(),
+            data_dir: directory.to_owned(),
+        })
+    }
+
+    /// What the volume is called when nobody names it.
+    pub fn default_name(&self) -> String {
+        match self {
+            Self::Upload { .. } => "upload".into(),
+            Self::Path { path, .. } => Path::new(path)
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
+            Self::Procedural(spec) => json!(spec.kind).as_str().unwrap_or_default().into(),
+        }
+    }
+
+    /// The source as the API shows it.
+    pub fn to_json(&self) -> Value {
+        match self {
+            Self::Upload { bytes, format, .. } => {
+                json!({ "upload": { "format": format_name(*format), "bytes": bytes.len() } })
+            }
+            Self::Path { path, .. } => json!({ "path": path }),
+            Self::Procedural(spec) => json!({ "procedural": spec }),
+        }
+    }
+
+    /// Reads or computes the voxels. Takes seconds: never on an async worker.
+    ///
+    /// # Errors
+    /// What is wrong with the source.
+    pub fn load(&self, limits: &Limits) -> Result<Volume, VolumeError> {
+        match self {
+            Self::Upload { bytes, format, raw } => read_bytes(bytes, *format, raw.as_ref(), limits),
+            Self::Path { path, data_dir } => load_path(path, data_dir, None, limits),
+            Self::Procedural(spec) => spec.generate(limits),
+        }
+    }
+
+    /// Dims and voxel type, as far as they are known without the voxels; reads an upload whole.
+    ///
+    /// # Errors
+    /// What is wrong with the source, as far as it was looked at.
+    pub fn peek(&self, limits: &Limits) -> Result<([u32; 3], VoxelType), VolumeError> {
+        let (dims, voxel_type) = match self {
+            Self::Upload { .. } => {
+                let volume = self.load(limits)?;
+                (volume.grid.dims, volume.voxels.voxel_type())
+            }
+            Self::Path { path, data_dir } => peek_path(path, data_dir, None)?,
+            Self::Procedural(spec) => (spec.dims, spec.voxel_type()),
+        };
+        limits.check("dims", dims, voxel_type)?;
+        Ok((dims, voxel_type))
+    }
+
+    /// [`VolumeSource::load`], and all that is derived from the voxels.
+    ///
+    /// # Errors
+    /// What is wrong with the source.
+    pub fn prepare(self, name: Option<String>, limits: &Limits) -> Result<NewVolume, VolumeError> {
+        let volume = self.load(limits)?;
+        Ok(NewVolume {
+            name: name.unwrap_or_else(|| self.default_name()),
+            histogram: volume.histogram(FACT_BINS)?,
+            sha256: volume.sha256_hex(),
+            source: self.to_json(),
+            volume: Arc::new(volume),
+        })
+    }
+}
+
+fn format_name(format: Format) -> &'static str {
+    match format {
+        Format::Nrrd => "nrrd",
+        Format::Raw => "raw",
+    }
+}
+
+/// `KIND:SIZE`, where SIZE is the number of voxels along every axis.
+fn procedural_from_argument(text: &str) -> Result<ProceduralSpec, VolumeError> {
+    let malformed = || VolumeError::Malformed {
+        field: "procedural".into(),
+        message: format!("`{text}` is not KIND:SIZE, such as gyroid:128"),
+    };
+    let (kind, size) = text.split_once(':').ok_or_else(malformed)?;
+    let kind: ProceduralKind = serde_json::from_value(kind.into()).map_err(|_| malformed())?;
+    let size: u32 = size.parse().map_err(|_| malformed())?;
+    Ok(ProceduralSpec {
+        kind,
+        dims: [size; 3],
+        seed: 0,
+        spacing: None,
+    })
+}
+
+/// Lets a few volumes be loaded at once, and a few more wait.
+#[derive(Debug)]
+pub struct Admission {
+    waiting: Arc<Semaphore>,
+    loading: Arc<Semaphore>,
+}
+
+/// Held while a volume is loaded, by whoever does the work at the moment.
+#[derive(Debug)]
+pub struct LoadPermit {
+    _waiting: OwnedSemaphorePermit,
+    _loading: OwnedSemaphorePermit,
+}
+
+impl Admission {
+    /// `loading` at once, `waiting` more in line.
+    pub fn new(loading: usize, waiting: usize) -> Self {
+        Self {
+            waiting: Arc::new(Semaphore::new(loading + waiting)),
+            loading: Arc::new(Semaphore::new(loading)),
+        }
+    }
+
+    /// Waits in line.
+    ///
+    /// # Errors
+    /// `busy` when the line is full.
+    pub async fn enter(&self) -> Result<LoadPermit, ApiError> {
+        let waiting = self.waiting.clone().try_acquire_owned().map_err(|_| ApiError::busy())?;
+        let loading = self.loading.clone().acquire_owned().await.map_err(ApiError::internal)?;
+        Ok(LoadPermit {
+            _waiting: waiting,
+            _loading: loading,
+        })
+    }
+}

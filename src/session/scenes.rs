@@ -1,0 +1,277 @@
+//! The scenes: each under its own lock, with its history and a channel that tells its revision.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde_json::{Value, json};
+use tokio::sync::watch;
+
+use super::random_hex;
+use super::volumes::{VolumeEntry, VolumeLease, VolumeStore};
+use crate::error::{ApiError, ErrorCode};
+use crate::scene::{Scene, SceneDocument, SceneHistory};
+use crate::volume::VolumeId;
+
+/// A scene as it was at one revision.
+#[derive(Clone, Debug)]
+pub struct SceneSnapshot {
+    /// Its name in URLs.
+    pub id: String,
+    /// Grows with every change.
+    pub revision: u64,
+    /// What is looked at.
+    pub scene: Arc<Scene>,
+}
+
+impl SceneSnapshot {
+    /// `id` and `revision`, then the complete document.
+    pub fn to_json(&self) -> Value {
+        let mut json = json!({ "id": self.id, "revision": self.revision });
+        if let (Value::Object(json), Value::Object(scene)) = (&mut json, self.scene.to_json()) {
+            json.extend(scene);
+        }
+        json
+    }
+}
+
+/// How a scene is to change.
+#[derive(Clone, Copy, Debug)]
+pub enum SceneChange<'a> {
+    /// A whole document.
+    Replace(&'a Value),
+    /// A JSON Merge Patch (RFC 7396).
+    Patch(&'a Value),
+    /// One change back.
+    Undo,
+    /// One undo back.
+    Redo,
+}
+
+/// One scene.
+#[derive(Debug)]
+pub struct SceneEntry {
+    id: String,
+    /// Order of creation.
+    sequence: u64,
+    state: Mutex<State>,
+    revision: watch::Sender<u64>,
+}
+
+#[derive(Debug)]
+struct State {
+    history: SceneHistory,
+    /// Held for as long as the scene looks at the volume.
+    _lease: VolumeLease,
+}
+
+impl SceneEntry {
+    // A panic under the lock leaves the state as it was: changes are assigned last.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The scene as it is now.
+    pub fn snapshot(&self) -> SceneSnapshot {
+        self.snapshot_of(&self.lock())
+    }
+
+    /// Tells every new revision.
+    pub fn watch(&self) -> watch::Receiver<u64> {
+        self.revision.subscribe()
+    }
+
+    fn snapshot_of(&self, state: &State) -> SceneSnapshot {
+        SceneSnapshot {
+            id: self.id.clone(),
+            revision: state.history.revision(),
+            scene: state.history.scene().clone(),
+        }
+    }
+
+    /// Changes the scene if `allowed` says so of its revision; on failure it stays what it was.
+    ///
+    /// # Errors
+    /// `revision_mismatch`, `volume_not_found`, `nothing_to_undo`, or what is wrong with the document.
+    pub fn change(
+        &self,
+        volumes: &VolumeStore,
+        allowed: impl Fn(u64) -> bool,
+        change: SceneChange<'_>,
+    ) -> Result<SceneSnapshot, ApiError> {
+        let mut state = self.lock();
+        let revision = state.history.revision();
+        if !allowed(revision) {
+            return Err(revision_mismatch(revision));
+        }
+        let mut history = state.history.clone();
+        let lease = match change {
+            SceneChange::Replace(json) => {
+                let (scene, lease) = complete(&SceneDocument::from_json(json)?, volumes)?;
+                history.replace(scene);
+                lease
+            }
+            SceneChange::Patch(patch) => {
+                let (scene, lease) = complete(&history.scene().patched_document(patch)?, volumes)?;
+                history.replace(scene);
+                lease
+            }
+            SceneChange::Undo | SceneChange::Redo => {
+                let moved = if matches!(change, SceneChange::Undo) {
+                    history.undo()
+                } else {
+                    history.redo()
+                };
+                moved.map_err(|error| ApiError::new(ErrorCode::NothingToUndo, error.to_string()))?;
+                lease(volumes, &history.scene().volume, "volume")?.1
+            }
+        };
+        *state = State { history, _lease: lease };
+        let snapshot = self.snapshot_of(&state);
+        self.revision.send_replace(snapshot.revision);
+        Ok(snapshot)
+    }
+}
+
+/// Fills in a document's defaults from its volume, and keeps the volume from deletion.
+fn complete(document: &SceneDocument, volumes: &VolumeStore) -> Result<(Scene, VolumeLease), ApiError> {
+    let (entry, lease) = lease(volumes, document.volume(), "volume")?;
+    Ok((document.complete(&entry.facts())?, lease))
+}
+
+/// A scene's volume; that it is missing is the fault of the field `volume`.
+fn lease(volumes: &VolumeStore, id: &VolumeId, path: &str) -> Result<(Arc<VolumeEntry>, VolumeLease), ApiError> {
+    volumes
+        .lease(id)
+        .map_err(|error| error.with_details(json!({ "path": path, "volume": id.0 })))
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    scenes: HashMap<String, Arc<SceneEntry>>,
+    sequence: u64,
+}
+
+/// The scenes.
+#[derive(Debug)]
+pub struct SceneStore {
+    volumes: Arc<VolumeStore>,
+    max_scenes: usize,
+    inner: Mutex<Inner>,
+}
+
+impl SceneStore {
+    /// An empty store.
+    pub fn new(volumes: Arc<VolumeStore>, max_scenes: usize) -> Self {
+        Self {
+            volumes,
+            max_scenes,
+            inner: Mutex::default(),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The scenes in the order in which they came.
+    pub fn list(&self) -> Vec<Arc<SceneEntry>> {
+        let mut scenes: Vec<_> = self.lock().scenes.values().cloned().collect();
+        scenes.sort_by_key(|scene| scene.sequence);
+        scenes
+    }
+
+    /// One scene.
+    ///
+    /// # Errors
+    /// `scene_not_found`.
+    pub fn get(&self, id: &str) -> Result<Arc<SceneEntry>, ApiError> {
+        self.lock()
+            .scenes
+            .get(id)
+            .cloned()
+            .ok_or_else(|| ApiError::scene_not_found(id))
+    }
+
+    /// The complete scene of a document that is the field `parent` of another, not kept.
+    ///
+    /// # Errors
+    /// `volume_not_found`, or what is wrong with the document.
+    pub fn complete(&self, json: &Value, parent: &str) -> Result<Arc<Scene>, ApiError> {
+        let document = SceneDocument::from_json(json).map_err(|error| error.under(parent))?;
+        let (entry, _) = lease(&self.volumes, document.volume(), &format!("{parent}.volume"))?;
+        let scene = document.complete(&entry.facts()).map_err(|error| error.under(parent))?;
+        Ok(Arc::new(scene))
+    }
+
+    /// Makes a scene from a document.
+    ///
+    /// # Errors
+    /// `too_many`, `volume_not_found`, or what is wrong with the document.
+    pub fn create(&self, json: &Value) -> Result<SceneSnapshot, ApiError> {
+        let (scene, lease) = complete(&SceneDocument::from_json(json)?, &self.volumes)?;
+        let mut inner = self.lock();
+        if inner.scenes.len() >= self.max_scenes {
+            let message = format!("there may be {} scenes; delete one", self.max_scenes);
+            return Err(ApiError::new(ErrorCode::TooMany, message).with_details(json!({ "limit": self.max_scenes })));
+        }
+        inner.sequence += 1;
+        let history = SceneHistory::new(scene);
+        let entry = Arc::new(SceneEntry {
+            id: format!("s_{}", random_hex()),
+            sequence: inner.sequence,
+            revision: watch::Sender::new(history.revision()),
+            state: Mutex::new(State { history, _lease: lease }),
+        });
+        inner.scenes.insert(entry.id.clone(), entry.clone());
+        Ok(entry.snapshot())
+    }
+
+    /// Changes a scene; see [`SceneEntry::change`].
+    ///
+    /// # Errors
+    /// `scene_not_found`, and those of [`SceneEntry::change`].
+    pub fn change(
+        &self,
+        id: &str,
+        allowed: impl Fn(u64) -> bool,
+        change: SceneChange<'_>,
+    ) -> Result<SceneSnapshot, ApiError> {
+        self.get(id)?.change(&self.volumes, allowed, change)
+    }
+
+    /// Deletes a scene if `allowed` says so of its revision.
+    ///
+    /// # Errors
+    /// `scene_not_found`, `revision_mismatch`.
+    pub fn delete(&self, id: &str, allowed: impl Fn(u64) -> bool) -> Result<(), ApiError> {
+        let mut inner = self.lock();
+        let revision = inner
+            .scenes
+            .get(id)
+            .ok_or_else(|| ApiError::scene_not_found(id))?
+            .snapshot()
+            .revision;
+        if !allowed(revision) {
+            return Err(revision_mismatch(revision));
+        }
+        inner.scenes.remove(id);
+        Ok(())
+    }
+
+    /// Ids of the scenes that look at a volume.
+    pub fn using(&self, volume: &str) -> Vec<String> {
+        let scenes = self.list().into_iter().map(|scene| scene.snapshot());
+        scenes
+            .filter(|scene| scene.scene.volume.0 == volume)
+            .map(|scene| scene.id)
+            .collect()
+    }
+}
+
+fn revision_mismatch(revision: u64) -> ApiError {
+    ApiError::new(
+        ErrorCode::RevisionMismatch,
+        format!("the scene is at revision {revision} now"),
+    )
+    .with_details(json!({ "revision": revision }))
+}

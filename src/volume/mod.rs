@@ -1,0 +1,124 @@
+//! Scalar fields on a regular grid: voxels, geometry, files and procedural volumes.
+//!
+//! Architecture Invariant: nothing here knows the GPU, tokio or HTTP.
+
+mod bricks;
+mod code_map;
+mod codes;
+mod error;
+pub mod format;
+mod grid;
+mod histogram;
+mod limits;
+pub mod nrrd;
+mod paths;
+pub mod procedural;
+mod raw;
+mod sample;
+mod voxels;
+
+pub use bricks::BrickRanges;
+pub use code_map::CodeMap;
+pub use error::VolumeError;
+pub use format::Format;
+pub use grid::Grid;
+pub use histogram::{Histogram, MAX_BINS};
+pub use limits::{Limits, bytes_needed};
+pub use procedural::{ProceduralKind, ProceduralSpec};
+pub use raw::RawSpec;
+pub use voxels::{Endian, VoxelStatistics, VoxelType, Voxels};
+
+use std::fmt;
+
+use sha2::{Digest, Sha256};
+
+/// Name of a resident volume, as clients see it (`v_3f2a`).
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VolumeId(pub String);
+
+impl fmt::Display for VolumeId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// A scalar field as loaded: the host copy from which everything on the GPU can be rebuilt.
+#[derive(Clone, Debug)]
+pub struct Volume {
+    /// Where the voxels are in the world.
+    pub grid: Grid,
+    /// Values in the file's own units, x fastest.
+    pub voxels: Voxels,
+    /// How values become the 8- or 16-bit codes that live on the GPU; also holds the value range.
+    pub code_map: CodeMap,
+    /// Voxels that were NaN; they count as the lowest value.
+    pub nan_count: u64,
+}
+
+impl Volume {
+    /// Checks voxels against the grid and finds their range.
+    ///
+    /// # Errors
+    /// Names `dims`, `spacing`, `origin` or `direction` if the grid is not usable ([`Grid::check`]), `voxels` if
+    /// their number is not that of the grid, one of them is infinite or all are NaN.
+    pub fn new(grid: Grid, voxels: Voxels) -> Result<Self, VolumeError> {
+        grid.check()?;
+        if bytes_needed(grid.dims, VoxelType::U8) != Some(voxels.len() as u64) {
+            let message = format!("{} voxels do not fill dims {:?}", voxels.len(), grid.dims);
+            return Err(VolumeError::malformed("voxels", message));
+        }
+        let VoxelStatistics { range, nan_count } = voxels.statistics()?;
+        let Some([lowest, highest]) = range else {
+            return Err(VolumeError::malformed("voxels", "every value is NaN"));
+        };
+        let code_map = if voxels.voxel_type().is_integer() {
+            CodeMap::for_integers(lowest, highest)
+        } else {
+            CodeMap::for_floats(lowest, highest)
+        };
+        Ok(Self {
+            grid,
+            voxels,
+            code_map,
+            nan_count,
+        })
+    }
+
+    /// Bytes of host memory that the voxels fill.
+    pub fn host_bytes(&self) -> u64 {
+        self.voxels.bytes()
+    }
+
+    /// Value of voxel (i, j, k) in the file's units, the lowest one for NaN. Panics outside the volume.
+    pub fn value_at(&self, [i, j, k]: [u32; 3]) -> f64 {
+        let [nx, ny, _] = self.grid.dims;
+        assert!(
+            i < nx && j < ny,
+            "voxel ({i}, {j}, {k}) is outside {:?}",
+            self.grid.dims
+        );
+        let value = self
+            .voxels
+            .value((k as usize * ny as usize + j as usize) * nx as usize + i as usize);
+        if value.is_nan() { self.code_map.lowest } else { value }
+    }
+
+    /// SHA-256 of what the volume is, as 64 hex digits: dims, voxel type, geometry and voxels, in that order and in
+    /// little-endian bytes, so that the same volume has the same sum whatever file it came from.
+    pub fn sha256_hex(&self) -> String {
+        let mut sha = Sha256::new();
+        for n in self.grid.dims {
+            sha.update(n.to_le_bytes());
+        }
+        sha.update(self.voxels.voxel_type().name());
+        let [x, y, z] = self.grid.direction;
+        for v in [self.grid.spacing, self.grid.origin, x, y, z] {
+            for component in v.to_array() {
+                // Adding 0 turns -0 into 0.
+                sha.update((component + 0.0).to_le_bytes());
+            }
+        }
+        sha.update(self.voxels.little_endian_bytes());
+        sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}

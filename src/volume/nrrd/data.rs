@@ -1,0 +1,161 @@
+//! From encoded bytes to voxels.
+
+use std::io::{self, BufRead, BufReader, Read, Take};
+
+use flate2::bufread::MultiGzDecoder;
+
+use super::{ByteSkip, Encoding, Header, Siblings};
+use crate::volume::error::excerpt;
+use crate::volume::paths;
+use crate::volume::sample::{Sample, with_voxels};
+use crate::volume::voxels::data_error;
+use crate::volume::{Limits, VolumeError, Voxels};
+
+/// No deflate stream expands by more than 1032:1.
+const MAX_INFLATION: u64 = 1032;
+
+/// Longest number in an `ascii` file: an `f64` may be written out in full.
+const MAX_NUMBER_BYTES: usize = 2048;
+
+/// Appends equal shares of the voxels from each file.
+pub(super) fn append_files(
+    names: &[String],
+    siblings: Siblings,
+    voxels: &mut Voxels,
+    header: &Header,
+    count: usize,
+    limits: &Limits,
+) -> Result<(), VolumeError> {
+    if !count.is_multiple_of(names.len()) {
+        let message = format!("{count} voxels do not divide into {} files", names.len());
+        return Err(VolumeError::malformed("data file", message));
+    }
+    // All of them before the first is read: a missing one is found early.
+    let resolve = |name: &String| paths::resolve_inside(siblings.root, siblings.directory, name, "data file");
+    let files: Vec<_> = names.iter().map(resolve).collect::<Result<_, _>>()?;
+    for path in files {
+        let (file, length) = paths::open(&path, "data file")?;
+        let source = BufReader::new(file).take(length);
+        append("data file", voxels, source, header, count / names.len(), limits)?;
+    }
+    Ok(())
+}
+
+/// Appends `count` voxels from a source that holds them after the header's skips; `field` is what errors name.
+pub(super) fn append<R: BufRead>(
+    field: &str,
+    voxels: &mut Voxels,
+    mut source: Take<R>,
+    header: &Header,
+    count: usize,
+    limits: &Limits,
+) -> Result<(), VolumeError> {
+    let expected = count as u64 * header.voxel_type.bytes();
+    for _ in 0..header.line_skip {
+        if source.skip_until(b'\n').map_err(|e| VolumeError::io(field, e))? == 0 {
+            return Err(VolumeError::malformed("line skip", "more lines than there are"));
+        }
+    }
+    let skip = match header.byte_skip {
+        ByteSkip::Bytes(skip) => skip,
+        ByteSkip::AllButData => source.limit().saturating_sub(expected),
+    };
+    // What compressed data to skip cost does not show in the size of the file.
+    if header.encoding == Encoding::Gzip && skip > limits.max_bytes {
+        return Err(VolumeError::TooLarge {
+            field: "byte skip".to_owned(),
+            unit: "bytes",
+            needed: u128::from(skip),
+            limit: limits.max_bytes,
+        });
+    }
+    let most = match header.encoding {
+        Encoding::Raw => source.limit(),
+        Encoding::Gzip => source.limit().saturating_mul(MAX_INFLATION),
+        // A digit and a separator each, but none after the last.
+        Encoding::Ascii => source.limit().div_ceil(2).saturating_mul(header.voxel_type.bytes()),
+    };
+    if most.saturating_sub(skip) < expected {
+        let got = most.saturating_sub(skip);
+        let message = format!("truncated: expected {expected} bytes of voxels, got at most {got}");
+        return Err(VolumeError::malformed(field, message));
+    }
+    voxels.reserve(field, count)?;
+    match header.encoding {
+        Encoding::Raw => {
+            skip_bytes(&mut source, skip)?;
+            voxels.append(field, &mut source, count, header.endian)
+        }
+        Encoding::Gzip => {
+            let mut inflated = MultiGzDecoder::new(source);
+            skip_bytes(&mut inflated, skip)?;
+            voxels.append(field, &mut inflated, count, header.endian)?;
+            // Asks for one byte more, because the checksum comes after the last.
+            match inflated.read(&mut [0]) {
+                Err(e) if e.kind() != io::ErrorKind::UnexpectedEof => Err(data_error(field, e)),
+                Err(_) => Err(VolumeError::malformed(field, "truncated: the gzip checksum is missing")),
+                Ok(_) => Ok(()),
+            }
+        }
+        Encoding::Ascii => {
+            skip_bytes(&mut source, skip)?;
+            with_voxels!(voxels, v => append_ascii(v, field, &mut source, count))
+        }
+    }
+}
+
+fn skip_bytes(reader: &mut impl Read, skip: u64) -> Result<(), VolumeError> {
+    let skipped = io::copy(&mut reader.take(skip), &mut io::sink()).map_err(|e| data_error("byte skip", e))?;
+    if skipped == skip {
+        Ok(())
+    } else {
+        Err(VolumeError::malformed(
+            "byte skip",
+            format!("{skip} bytes, but there are {skipped}"),
+        ))
+    }
+}
+
+/// Numbers with white space or commas between them.
+fn append_ascii<T: Sample>(
+    out: &mut Vec<T>,
+    field: &str,
+    reader: &mut impl BufRead,
+    count: usize,
+) -> Result<(), VolumeError> {
+    let separates = |byte: u8| byte.is_ascii_whitespace() || byte == b',';
+    let mut bytes = reader.bytes();
+    let mut number = String::new();
+    let mut done = 0;
+    while done < count {
+        let byte = bytes.next().transpose().map_err(|e| VolumeError::io(field, e))?;
+        match byte {
+            Some(byte) if !separates(byte) => {
+                number.push(char::from(byte));
+                if number.len() > MAX_NUMBER_BYTES {
+                    return Err(VolumeError::malformed(
+                        field,
+                        format!("{} is not a number", excerpt(&number)),
+                    ));
+                }
+            }
+            None if number.is_empty() => {
+                return Err(VolumeError::malformed(
+                    field,
+                    format!("truncated: expected {count} numbers, got {done}"),
+                ));
+            }
+            _ if number.is_empty() => {}
+            _ => {
+                let value = number.parse().map_err(|_| {
+                    let message = format!("{} at index {done} is not a value of the type", excerpt(&number));
+                    VolumeError::malformed(field, message)
+                })?;
+                out.push(value);
+                number.clear();
+                done += 1;
+            }
+        }
+    }
+    Ok(())
+}

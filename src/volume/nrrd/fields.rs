@@ -1,0 +1,169 @@
+//! The lines of a header, before anything is made of them.
+
+use std::collections::BTreeMap;
+use std::io::BufRead;
+
+use crate::volume::VolumeError;
+use crate::volume::error::excerpt;
+
+/// Bytes of a whole header.
+const MAX_HEADER_BYTES: u64 = 1 << 20;
+
+/// Bytes of one of its lines: content fields list whole processing histories.
+const MAX_LINE_BYTES: u64 = 1 << 16;
+
+/// Most names in a list of data files.
+pub(super) const MAX_DATA_FILES: usize = 4096;
+
+/// Names of fields, with the spellings that the format allows; the first one is ours.
+const FIELDS: &[&[&str]] = &[
+    &["dimension"],
+    &["type"],
+    &["block size", "blocksize"],
+    &["encoding"],
+    &["endian"],
+    &["content"],
+    &["min"],
+    &["max"],
+    &["old min", "oldmin"],
+    &["old max", "oldmax"],
+    &["data file", "datafile"],
+    &["line skip", "lineskip"],
+    &["byte skip", "byteskip"],
+    &["number"],
+    &["sample units", "sampleunits"],
+    &["sizes"],
+    &["spacings"],
+    &["thicknesses"],
+    &["axis mins", "axismins"],
+    &["axis maxs", "axismaxs"],
+    &["centers", "centerings"],
+    &["labels"],
+    &["units"],
+    &["kinds"],
+    &["space"],
+    &["space dimension"],
+    &["space units"],
+    &["space origin"],
+    &["space directions"],
+    &["measurement frame"],
+];
+
+/// A header as text.
+#[derive(Debug, Default)]
+pub(super) struct Fields {
+    values: BTreeMap<&'static str, String>,
+    /// Key/value pairs (`key:=value`).
+    pub(super) metadata: BTreeMap<String, String>,
+    /// Lines after `data file: LIST`.
+    pub(super) listed_files: Vec<String>,
+    /// Whether an empty line ended the header, so that data may follow.
+    pub(super) ended_by_empty_line: bool,
+}
+
+impl Fields {
+    pub(super) fn get(&self, field: &str) -> Option<&str> {
+        self.values.get(field).map(String::as_str)
+    }
+
+    pub(super) fn require(&self, field: &str) -> Result<&str, VolumeError> {
+        self.get(field).ok_or_else(|| VolumeError::malformed(field, "missing"))
+    }
+
+    /// Reads up to and including the empty line that ends a header, or to the end of a detached one.
+    pub(super) fn read(reader: &mut impl BufRead) -> Result<Self, VolumeError> {
+        let mut lines = Lines {
+            reader,
+            left: MAX_HEADER_BYTES,
+        };
+        let magic = lines.next()?.unwrap_or_default();
+        if !matches!(
+            magic.as_str(),
+            "NRRD0001" | "NRRD0002" | "NRRD0003" | "NRRD0004" | "NRRD0005"
+        ) {
+            return Err(VolumeError::malformed(
+                "magic",
+                format!("{} is not NRRD0001 to NRRD0005", excerpt(&magic)),
+            ));
+        }
+        let mut fields = Self::default();
+        let mut in_list = false;
+        while let Some(line) = lines.next()? {
+            if line.is_empty() {
+                fields.ended_by_empty_line = true;
+                break;
+            }
+            if in_list {
+                if fields.listed_files.len() == MAX_DATA_FILES {
+                    return Err(VolumeError::malformed(
+                        "data file",
+                        format!("more than {MAX_DATA_FILES} files"),
+                    ));
+                }
+                fields.listed_files.push(line);
+            } else if !line.starts_with('#') {
+                fields.add(&line)?;
+                in_list = fields.get("data file").is_some_and(is_list);
+            }
+        }
+        Ok(fields)
+    }
+
+    fn add(&mut self, line: &str) -> Result<(), VolumeError> {
+        let Some((name, rest)) = line.split_once(':') else {
+            return Err(VolumeError::malformed(
+                "header",
+                format!("{} is not `field: value`", excerpt(line)),
+            ));
+        };
+        if let Some(value) = rest.strip_prefix('=') {
+            self.metadata.insert(name.to_owned(), value.to_owned());
+            return Ok(());
+        }
+        let lower = name.trim().to_ascii_lowercase();
+        let Some(spellings) = FIELDS.iter().find(|spellings| spellings.contains(&lower.as_str())) else {
+            return Err(VolumeError::malformed(
+                "header",
+                format!("{} is not a field of the format", excerpt(name)),
+            ));
+        };
+        if self.values.insert(spellings[0], rest.trim().to_owned()).is_some() {
+            return Err(VolumeError::malformed(spellings[0], "given twice"));
+        }
+        Ok(())
+    }
+}
+
+/// Whether the value of `data file` says that names follow, one on each line.
+pub(super) fn is_list(value: &str) -> bool {
+    value.split_whitespace().next() == Some("LIST")
+}
+
+struct Lines<'a, R> {
+    reader: &'a mut R,
+    left: u64,
+}
+
+impl<R: BufRead> Lines<'_, R> {
+    /// The next line without its end; `None` at the end of the file.
+    fn next(&mut self) -> Result<Option<String>, VolumeError> {
+        let mut line = Vec::new();
+        let allowed = self.left.min(MAX_LINE_BYTES);
+        // `Read::take` of the reference: the limit is the line's, the reader stays ours.
+        let read = std::io::Read::take(&mut *self.reader, allowed)
+            .read_until(b'\n', &mut line)
+            .map_err(|e| VolumeError::io("header", e))? as u64;
+        let ended = line.last() == Some(&b'\n');
+        if !ended && read == allowed {
+            let message = format!("longer than {MAX_HEADER_BYTES} bytes, or a line longer than {MAX_LINE_BYTES}");
+            return Err(VolumeError::malformed("header", message));
+        }
+        self.left -= read;
+        if read == 0 {
+            return Ok(None);
+        }
+        // The format is ASCII, but comments and descriptions come in any encoding.
+        let text = String::from_utf8_lossy(&line);
+        Ok(Some(text.trim_end_matches(['\n', '\r']).to_owned()))
+    }
+}

@@ -1,0 +1,69 @@
+//! NRRD ("nearly raw raster data"), versions 1 to 5, after <https://teem.sourceforge.net/nrrd/format.html>.
+//!
+//! Read are three-dimensional scalar volumes (a fourth axis of one sample may come first or last) of every integer
+//! and floating-point type, in encodings `raw`, `gzip` and `ascii`, with the data attached to the header or in
+//! one or more files beside it.
+//!
+//! Where the format leaves room:
+//! - World space is the patient's left-posterior-superior. `right-anterior-superior` is turned by negating x and y,
+//!   `left-anterior-superior` by negating y; every other space (`scanner-xyz`, `3D-right-handed`, none) is taken as it
+//!   is.
+//! - `space directions` win over `spacings`. Without either, and where a spacing is NaN, the spacing is 1.
+//! - Data beyond the last voxel are ignored.
+//! - `old min` and `old max` do not rescale values; `measurement frame` and `space units` mean nothing to a scalar.
+//! - A field that is not in the format is an error: it may be a misspelt one that matters.
+
+mod data;
+mod fields;
+mod geometry;
+mod header;
+mod write;
+
+use std::io::BufRead;
+use std::path::Path;
+
+pub use header::{ByteSkip, DataLocation, Encoding, Header, read_header};
+pub use write::attached_header;
+
+use super::{Limits, Volume, VolumeError, Voxels};
+
+/// Where a detached header may find its data.
+#[derive(Clone, Copy, Debug)]
+pub struct Siblings<'a> {
+    /// The directory that no data file may be outside of.
+    pub root: &'a Path,
+    /// The header's own directory, which names of data files are relative to; inside `root`.
+    pub directory: &'a Path,
+}
+
+/// Reads a volume from the `length` bytes of a header with or without attached data.
+///
+/// `siblings` is `None` for a header that did not come from a directory, which therefore must have its data attached.
+///
+/// # Errors
+/// Names the header field at fault, or `data`. Sizes beyond `limits` are refused before anything is allocated.
+pub fn read(
+    reader: impl BufRead,
+    length: u64,
+    siblings: Option<Siblings>,
+    limits: &Limits,
+) -> Result<Volume, VolumeError> {
+    let mut source = reader.take(length);
+    let header = read_header(&mut source)?;
+    let count = limits.check("sizes", header.grid.dims, header.voxel_type)?;
+    let mut voxels = Voxels::empty(header.voxel_type);
+    match &header.data {
+        DataLocation::Attached => data::append("data", &mut voxels, source, &header, count, limits)?,
+        DataLocation::Files(names) => {
+            let siblings = siblings.ok_or_else(|| {
+                VolumeError::unsupported(
+                    "data file",
+                    "a detached header must be loaded by its path in the data directory; \
+                     or upload a header with its data attached, or the data alone with format=raw",
+                )
+            })?;
+            data::append_files(names, siblings, &mut voxels, &header, count, limits)?;
+        }
+    }
+    Volume::new(header.grid, voxels)
+}

@@ -1,0 +1,39 @@
+//! Files named by clients and by files: only those inside a directory that the operator chose.
+
+use std::fs::File;
+use std::path::{Component, Path, PathBuf};
+
+use super::VolumeError;
+use super::error::excerpt;
+
+/// A file inside `root`, found from the directory `base` inside it by a relative name without `..`.
+///
+/// Symbolic links are followed, and refused where they lead outside. Anything but a regular file is refused before it
+/// is opened: a named pipe would wait for ever.
+pub(super) fn resolve_inside(root: &Path, base: &Path, name: &str, field: &str) -> Result<PathBuf, VolumeError> {
+    let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
+    if name.is_empty() || !Path::new(name).components().all(plain) {
+        let message = format!("{} is not a relative path without `..`", excerpt(name));
+        return Err(VolumeError::malformed(field, message));
+    }
+    let canonical = |path: &Path| path.canonicalize().map_err(|e| VolumeError::io(field, e));
+    let path = canonical(&base.join(name))?;
+    if !path.starts_with(canonical(root)?) {
+        let message = format!("{} leads out of the data directory", excerpt(name));
+        return Err(VolumeError::malformed(field, message));
+    }
+    if !path.is_file() {
+        return Err(VolumeError::malformed(
+            field,
+            format!("{} is not a file", excerpt(name)),
+        ));
+    }
+    Ok(path)
+}
+
+/// Opens a resolved file; also says how many bytes it has.
+pub(super) fn open(path: &Path, field: &str) -> Result<(File, u64), VolumeError> {
+    let file = File::open(path).map_err(|e| VolumeError::io(field, e))?;
+    let length = file.metadata().map_err(|e| VolumeError::io(field, e))?.len();
+    Ok((file, length))
+}

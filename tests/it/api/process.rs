@@ -1,0 +1,161 @@
+//! The real program: started, asked over a socket, stopped by a signal.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_spao-server");
+
+/// Longest time that anything here may take, on a slow machine that is busy.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A running server, killed when the test ends early.
+struct Process {
+    child: Child,
+    address: String,
+    /// The lines for people.
+    lines: Vec<String>,
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Process {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = Command::new(PROGRAM)
+            .args(["serve", "--addr", "127.0.0.1:0"])
+            .args(arguments)
+            .env_remove("RUST_LOG")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let stdout = BufReader::new(child.stdout.take().expect("it is piped"));
+        let lines: Vec<String> = stdout.lines().map_while(Result::ok).take(3).collect();
+        let address = lines.first().and_then(|line| line.strip_prefix("Listening on http://")).unwrap_or_default();
+        let address = address.to_owned();
+        let process = Self { child, address, lines };
+        assert!(process.address.starts_with("127.0.0.1:"), "{:?}", process.lines);
+        process
+    }
+
+    fn url(&self, path: &str) -> String {
+        format!("http://{}{path}", self.address)
+    }
+
+    fn post(&self, path: &str, body: &Value) -> Value {
+        let mut answer = ureq::post(self.url(path))
+            .header("content-type", "application/json")
+            .send(body.to_string())
+            .unwrap_or_else(|error| panic!("{path}: {error}"));
+        let text = answer.body_mut().read_to_string().expect("a text");
+        serde_json::from_str(&text).expect("JSON")
+    }
+
+    fn get(&self, path: &str) -> Vec<u8> {
+        let mut answer = ureq::get(self.url(path)).call().unwrap_or_else(|error| panic!("{path}: {error}"));
+        answer.body_mut().read_to_vec().expect("a body")
+    }
+
+    /// Sends a signal and waits; the exit status and the log.
+    fn stop(mut self, signal: &str) -> (ExitStatus, String) {
+        let id = self.child.id().to_string();
+        let killed = Command::new("kill").args([signal, &id]).status().expect("kill is there");
+        assert!(killed.success());
+        let mut stderr = self.child.stderr.take().expect("it is piped");
+        let status = wait(&mut self.child);
+        let mut log = String::new();
+        stderr.read_to_string(&mut log).expect("the log is text");
+        (status, log)
+    }
+}
+
+fn wait(child: &mut Child) -> ExitStatus {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        if let Some(status) = child.try_wait().expect("it can be waited for") {
+            return status;
+        }
+        assert!(Instant::now() < deadline, "it does not end");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Lines of a log that should not be there in normal operation.
+fn alarms(log: &str) -> Vec<&str> {
+    log.lines().filter(|line| line.contains(" WARN ") || line.contains(" ERROR ")).collect()
+}
+
+#[test]
+fn the_alarm_check_sees_warnings_and_errors() {
+    let log = "T  INFO a: fine\nT  WARN b: hm\nT ERROR c: no\n";
+    assert_eq!(alarms(log), ["T  WARN b: hm", "T ERROR c: no"]);
+}
+
+#[test]
+fn a_server_starts_serves_a_frame_and_ends_on_sigterm_without_a_warning() {
+    let process = Process::start(&[]);
+    assert_eq!(process.lines[1], format!("Viewer:  http://{}/", process.address));
+    assert!(process.lines[2].contains("curl"), "{:?}", process.lines);
+    assert_eq!(process.get("/readyz"), br#"{"status":"ready"}"#);
+    let source = json!({ "procedural": { "kind": "gyroid", "dims": [24, 24, 24] } });
+    let volume = process.post("/v1/volumes", &json!({ "source": source }));
+    let scene = process.post("/v1/scenes", &json!({ "volume": volume["id"] }));
+    let id = scene["id"].as_str().expect("an id");
+    let frame = process.get(&format!("/v1/scenes/{id}/frame?width=64&height=48"));
+    let picture = image::load_from_memory(&frame).expect("a PNG");
+    assert_eq!((picture.width(), picture.height()), (64, 48));
+    let health = Command::new(PROGRAM).args(["healthcheck", "--addr", &process.address]).output().expect("it runs");
+    assert!(health.status.success(), "{health:?}");
+
+    let address = process.address.clone();
+    let (status, log) = process.stop("-TERM");
+    assert_eq!(status.code(), Some(0), "{log}");
+    assert_eq!(alarms(&log), Vec::<&str>::new());
+    for part in ["method=POST route=\"/v1/volumes\" status=201", "route=\"/v1/scenes/{id}/frame\" status=200", "SIGTERM"] {
+        assert!(log.contains(part), "{part} is not in\n{log}");
+    }
+    assert!(!log.contains(id), "ids of scenes are not in the lines of requests:\n{log}");
+    let health = Command::new(PROGRAM).args(["healthcheck", "--addr", &address]).output().expect("it runs");
+    assert_eq!(health.status.code(), Some(1), "{health:?}");
+}
+
+#[test]
+fn volumes_of_the_command_line_come_with_a_scene_and_the_log_may_be_json() {
+    let head = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/visible-human-head-128.nrrd");
+    let process = Process::start(&["--log-format", "json", "--volume", "procedural:boxes:16", "--volume", head]);
+    let volumes: Value = serde_json::from_slice(&process.get("/v1/volumes")).expect("JSON");
+    assert_eq!(volumes["volumes"][0]["name"], "boxes");
+    assert_eq!(volumes["volumes"][1]["name"], "visible-human-head-128");
+    let scenes: Value = serde_json::from_slice(&process.get("/v1/scenes")).expect("JSON");
+    assert_eq!(scenes["scenes"].as_array().map(Vec::len), Some(2));
+    assert!(process.lines[2].contains(scenes["scenes"][0]["id"].as_str().expect("an id")));
+    let (status, log) = process.stop("-INT");
+    assert_eq!(status.code(), Some(0), "{log}");
+    for line in log.lines() {
+        let line: Value = serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"));
+        assert!(line["level"] != "WARN" && line["level"] != "ERROR", "{line}");
+    }
+}
+
+#[test]
+fn what_cannot_be_served_is_refused_at_the_start() {
+    let run = |arguments: &[&str]| {
+        let output = Command::new(PROGRAM).args(arguments).env_remove("SPAO_API_KEYS").output().expect("it runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, message) = run(&["serve", "--addr", "0.0.0.0:0"]);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("--api-key") && message.contains("--no-auth"), "{message}");
+    let (code, message) = run(&["serve", "--no-such-flag"]);
+    assert_eq!(code, Some(2), "{message}");
+    let (code, message) = run(&["serve", "--addr", "127.0.0.1:0", "--volume", "no/such/file.nrrd"]);
+    assert_eq!(code, Some(1), "{message}");
+    assert!(message.contains("no/such/file.nrrd"), "{message}");
+}

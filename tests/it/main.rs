@@ -1,0 +1,13 @@
+//! The one integration binary: every test of the project.
+
+mod api;
+mod architecture;
+mod cli;
+mod container;
+mod house;
+mod reference;
+mod scene;
+mod support;
+mod tidy;
+mod tree;
+mod volume;

@@ -1,0 +1,194 @@
+//! Raw files, recognising formats, and paths in the data directory.
+
+use std::fs;
+
+use spao_server::volume::{Endian, Format, Limits, RawSpec, VoxelType, bytes_needed, format, nrrd};
+
+use super::{assert_names, sample_voxels};
+
+fn spec(voxel_type: VoxelType, endian: Endian) -> RawSpec {
+    RawSpec {
+        dims: [2, 3, 4],
+        voxel_type,
+        endian,
+        spacing: [0.5, 1.0, 2.0],
+    }
+}
+
+#[test]
+fn raw_voxels_of_every_type_are_read_from_both_byte_orders() {
+    for voxel_type in VoxelType::ALL {
+        for endian in [Endian::Little, Endian::Big] {
+            let (voxels, bytes) = sample_voxels(voxel_type, endian);
+            let spec = spec(voxel_type, endian);
+            let volume = format::read_bytes(&bytes, Format::Raw, Some(&spec), &Limits::default()).expect("valid");
+            assert_eq!(volume.voxels, voxels);
+            assert_eq!(volume.grid.dims, [2, 3, 4]);
+            assert_eq!(volume.grid.spacing.to_array(), [0.5, 1.0, 2.0]);
+        }
+    }
+}
+
+#[test]
+fn raw_bytes_must_be_exactly_those_of_the_dims() {
+    let spec = spec(VoxelType::U16, Endian::Little);
+    for length in [47, 49, 0] {
+        let read = format::read_bytes(&vec![1; length], Format::Raw, Some(&spec), &Limits::default());
+        assert_names(read, "dims", &format!("are 48 bytes, but there are {length}"));
+    }
+    let huge = RawSpec {
+        dims: [4096, 4096, 4096],
+        ..spec
+    };
+    assert_names(
+        format::read_bytes(&[1], Format::Raw, Some(&huge), &Limits::default()),
+        "dims",
+        "limit",
+    );
+    let flat = RawSpec {
+        spacing: [1.0, 0.0, 1.0],
+        ..spec
+    };
+    assert_names(
+        format::read_bytes(&[1; 48], Format::Raw, Some(&flat), &Limits::default()),
+        "spacing",
+        "0",
+    );
+    assert_names(
+        format::read_bytes(&[1; 48], Format::Raw, None, &Limits::default()),
+        "dims",
+        "missing",
+    );
+}
+
+#[test]
+fn raw_parameters_are_parsed_strictly() {
+    let parsed = RawSpec::parse("2, 3,4", "u16", Some("big"), Some("0.5,1,2")).expect("valid");
+    assert_eq!(parsed, spec(VoxelType::U16, Endian::Big));
+    let defaults = RawSpec::parse("2,3,4", "u8", None, None).expect("valid");
+    assert_eq!((defaults.endian, defaults.spacing), (Endian::Little, [1.0; 3]));
+    assert_names(RawSpec::parse("2,3", "u8", None, None), "dims", "three numbers");
+    assert_names(RawSpec::parse("2,3,4,5", "u8", None, None), "dims", "three numbers");
+    assert_names(RawSpec::parse("2,3,-4", "u8", None, None), "dims", "three numbers");
+    assert_names(
+        RawSpec::parse("2,3,4", "uint8", None, None),
+        "type",
+        "`uint8` is not one of u8",
+    );
+    assert_names(RawSpec::parse("2,3,4", "u8", Some("middle"), None), "endian", "middle");
+    assert_names(
+        RawSpec::parse("2,3,4", "u8", None, Some("1,1")),
+        "spacing",
+        "three numbers",
+    );
+}
+
+#[test]
+fn a_format_is_found_by_name_then_content_type_then_magic() {
+    let detect = |name, content_type, bytes: &[u8]| Format::detect(name, content_type, bytes);
+    assert_eq!(
+        detect(Some("raw"), Some("application/x-nrrd"), b"NRRD0005").expect("raw"),
+        Format::Raw
+    );
+    assert_eq!(
+        detect(None, Some("application/x-nrrd; v=5"), b"?").expect("nrrd"),
+        Format::Nrrd
+    );
+    assert_eq!(
+        detect(None, Some("application/octet-stream"), b"NRRD0004\n").expect("nrrd"),
+        Format::Nrrd
+    );
+    assert_eq!(detect(None, None, b"NRRD0001\n").expect("nrrd"), Format::Nrrd);
+    assert_names(detect(None, None, b"?"), "format", "not recognised");
+    assert_names(detect(None, None, b""), "format", "not recognised");
+    assert_names(
+        detect(Some("vtk"), None, b"NRRD0005"),
+        "format",
+        "`vtk` is not a format",
+    );
+}
+
+#[test]
+fn formats_that_are_not_read_are_refused_by_name() {
+    let mut nifti = vec![0; 352];
+    nifti[344..348].copy_from_slice(b"n+1\0");
+    let mut dicom = vec![0; 140];
+    dicom[128..132].copy_from_slice(b"DICM");
+    let magic: [(&str, &[u8]); 6] = [
+        ("nifti", &nifti),
+        ("dicom", &dicom),
+        ("dicom", b"PK\x03\x04..."),
+        ("npy", b"\x93NUMPY\x01"),
+        ("tiff", b"II*\0...."),
+        ("metaimage", b"ObjectType = Image"),
+    ];
+    for (name, bytes) in magic {
+        assert_names(
+            Format::detect(None, None, bytes),
+            "format",
+            &format!("`{name}` is not read"),
+        );
+    }
+    for name in ["nifti", "metaimage", "npy", "tiff", "dicom"] {
+        assert_names(Format::from_name(name), "format", &format!("`{name}` is not read"));
+    }
+    assert_names(
+        Format::detect(None, Some("image/tiff"), b""),
+        "format",
+        "`tiff` is not read",
+    );
+}
+
+#[test]
+fn files_are_loaded_by_path_inside_the_data_directory_only() {
+    let outside = tempfile::tempdir().expect("a directory");
+    let root = outside.path().join("data");
+    fs::create_dir_all(root.join("ct")).expect("a directory");
+    let (_, bytes) = sample_voxels(VoxelType::U16, Endian::Big);
+    fs::write(root.join("ct/a.raw"), &bytes).expect("written");
+    fs::write(outside.path().join("secret.raw"), &bytes).expect("written");
+    fs::write(root.join("head.v2.nii.gz"), &bytes).expect("written");
+    fs::write(root.join("unknown"), &bytes).expect("written");
+    let spec = spec(VoxelType::U16, Endian::Big);
+    let load = |path: &str| format::load_path(path, &root, Some(&spec), &Limits::default());
+
+    assert_eq!(load("ct/a.raw").expect("valid").voxels.len(), 24);
+    assert_eq!(load("./ct/a.raw").expect("valid").voxels.len(), 24);
+    let peeked = format::peek_path("ct/a.raw", &root, Some(&spec)).expect("valid");
+    assert_eq!(bytes_needed(peeked.0, peeked.1), Some(48));
+    let absolute = outside.path().join("secret.raw");
+    for bad in [
+        "../secret.raw",
+        "ct/../../secret.raw",
+        absolute.to_str().expect("text"),
+        "",
+    ] {
+        assert_names(load(bad), "path", "is not a relative path");
+    }
+    assert_names(load("ct"), "path", "is not a file");
+    assert_names(load("missing.raw"), "path", "");
+    assert_names(load("nul\0.raw"), "path", "");
+    assert_names(load("head.v2.nii.gz"), "format", "`nifti` is not read");
+    assert_names(load("unknown"), "format", "not recognised by file name");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(&absolute, root.join("link.raw")).expect("a link");
+        assert_names(load("link.raw"), "path", "leads out of the data directory");
+        std::os::unix::fs::symlink(root.join("ct/a.raw"), root.join("fine.raw")).expect("a link");
+        assert_eq!(load("fine.raw").expect("valid").voxels.len(), 24);
+    }
+}
+
+#[test]
+fn a_volume_written_as_nrrd_reads_back_the_same() {
+    let (_, bytes) = sample_voxels(VoxelType::F32, Endian::Little);
+    let spec = spec(VoxelType::F32, Endian::Little);
+    let mut volume = format::read_bytes(&bytes, Format::Raw, Some(&spec), &Limits::default()).expect("valid");
+    volume.grid.origin = glam::DVec3::new(-3.25, 1e-7, 1524.5);
+    let mut file = nrrd::attached_header(&volume.grid, VoxelType::F32).into_bytes();
+    file.extend_from_slice(&volume.voxels.little_endian_bytes());
+    let back = format::read_bytes(&file, Format::Nrrd, None, &Limits::default()).expect("valid");
+    assert_eq!(back.grid, volume.grid);
+    assert_eq!(back.voxels, volume.voxels);
+    assert_eq!(back.sha256_hex(), volume.sha256_hex());
+}
