@@ -118,7 +118,8 @@ fn accessibility_at(voxel: vec3<i32>) -> f32 {
             weights += weight;
         }
     }
-    return sum / max(weights, 1e-6);
+    // With very few rays none may lie in the hemisphere: nothing seen to block.
+    return select(1.0, sum / max(weights, 1e-6), weights > 0.0);
 }
 
 @compute @workgroup_size(8, 8, 1)

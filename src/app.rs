@@ -28,7 +28,13 @@ pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()>
     let options = config.gpu.options();
     let (renderer, thread) = tokio::task::spawn_blocking(move || RenderHandle::spawn(options)).await??;
     let info = renderer.info();
-    tracing::info!(adapter = info.adapter, backend = info.backend, driver = info.driver_info, software = info.software, "adapter");
+    tracing::info!(
+        adapter = info.adapter,
+        backend = info.backend,
+        driver = info.driver_info,
+        software = info.software,
+        "adapter"
+    );
 
     let state = AppState::new(&config, renderer);
     let (stop, stopped) = oneshot::channel::<()>();
@@ -87,7 +93,10 @@ fn announce(out: &mut dyn Write, state: &AppState, address: SocketAddr) -> std::
     match state.scenes.list().first() {
         Some(scene) => {
             let id = scene.snapshot().id;
-            writeln!(out, "Try:     curl{key} -o frame.png 'http://{reachable}/v1/scenes/{id}/frame?width=1024&height=768'")?;
+            writeln!(
+                out,
+                "Try:     curl{key} -o frame.png 'http://{reachable}/v1/scenes/{id}/frame?width=1024&height=768'"
+            )?;
         }
         None => writeln!(
             out,

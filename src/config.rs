@@ -85,7 +85,7 @@ pub struct ServeArgs {
     #[arg(long, env = "SPAO_DATA_DIR", value_name = "DIR")]
     pub data_dir: Option<PathBuf>,
     /// Volume to load at the start, with a default scene: a file, or `procedural:KIND:SIZE`; may be given several times.
-    #[arg(long = "volume", env = "SPAO_VOLUMES", value_name = "VOLUME", value_delimiter = ',')]
+    #[arg(long = "volume", env = "SPAO_VOLUME", value_name = "VOLUME")]
     pub volumes: Vec<String>,
     /// Origin that browsers may call from, or `*`; may be given several times.
     #[arg(long = "allow-origin", env = "SPAO_ALLOW_ORIGINS", value_name = "ORIGIN", value_delimiter = ',')]

@@ -120,8 +120,10 @@ fn encode_png(width: u32, height: u32, color: png::ColorType, pixels: &[u8]) -> 
     encoder.set_color(color);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    // Measured on a shaded CT head of 1024 x 768: Fast with Paeth 3.8 ms and 298 kB, with Up 3.3 ms and 338 kB,
+    // with the adaptive filter 8.8 ms and 298 kB; Balanced 70 ms and 260 kB.
     encoder.set_compression(png::Compression::Fast);
-    encoder.set_filter(png::Filter::Up);
+    encoder.set_filter(png::Filter::Paeth);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;
     writer.finish()?;

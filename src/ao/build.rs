@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::levels::{LevelLayout, level_layouts};
 use super::params::{ClassifyParams, LevelInfo, MAX_LEVELS, MipmapParams, NBufferParams, SpaoParams};
-use super::plan::{Step, combine_window, plan};
+use super::plan::{Step, combine_window, plan, sample_row_words};
 use super::raytraced::Tracer;
 use super::stages::{AoStages, sample_format};
 use super::surface::SurfaceHistogram;
@@ -67,8 +67,8 @@ pub struct AoBuild {
     target: Option<GpuTexture>,
     steps: VecDeque<Step>,
     step_count: usize,
-    /// Steps that one turn may take; doubled while turns are short.
-    steps_per_turn: usize,
+    /// Why a step was not done. Jobs share a build: none of them may go on with a hole in it.
+    failure: Option<GpuError>,
 }
 
 impl AoBuild {
@@ -82,9 +82,11 @@ impl AoBuild {
         let what = "ambient occlusion";
         let level_bytes: u64 = layouts.iter().map(LevelLayout::bytes).sum();
         let largest = gpu.limits.max_storage_buffer_binding_size;
-        let steps = plan(dims, &settings, &layouts, largest).ok_or_else(|| gpu.budget.out_of_memory(what, level_bytes))?;
-        // Rows of a buffer that is copied to a texture begin at multiples of 256 bytes.
-        let row_words = dims[0].div_ceil(2).next_multiple_of(64);
+        let steps = plan(dims, &settings, &layouts, largest).ok_or_else(|| {
+            let what = format!("{what}, in bindings of at most {largest} bytes,");
+            gpu.budget.out_of_memory(&what, level_bytes)
+        })?;
+        let row_words = sample_row_words(dims);
         let slices = steps.iter().map(|s| if let Step::Combine(r) = s { r.end - r.start } else { 1 }).max();
         let sample_bytes = u64::from(row_words) * 4 * u64::from(dims[1]) * u64::from(slices.unwrap_or(1));
         let voxels: u64 = dims.iter().map(|&n| u64::from(n)).product();
@@ -118,33 +120,19 @@ impl AoBuild {
             target: Some(target),
             steps: steps.into(),
             step_count,
-            steps_per_turn: 1,
+            failure: None,
         })
     }
 
     /// Works for about one slice of time; true when done.
     ///
     /// # Errors
-    /// [`GpuError::Device`] or [`GpuError::Lost`]; the build is then useless.
+    /// [`GpuError::Device`] or [`GpuError::Lost`]; the build is then useless and answers the same from then on.
     pub fn advance(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<bool, GpuError> {
         let begin = Instant::now();
-        gpu.guarded("ambient occlusion", || {
-            let mut recorder = Recorder::new(gpu, "ambient occlusion");
-            for _ in 0..self.steps_per_turn {
-                let Some(step) = self.next_step() else { break };
-                self.record(gpu, stages, &mut recorder, &step)?;
-            }
-            recorder.run(gpu)
-        })?;
-        let elapsed = begin.elapsed();
-        if elapsed < SLICE_TIME / 2 {
-            self.steps_per_turn = self.steps_per_turn.saturating_mul(2);
-        } else if elapsed > SLICE_TIME {
-            self.steps_per_turn = (self.steps_per_turn / 2).max(1);
-        }
-        if let Some(tracer) = &mut self.tracer {
-            tracer.adapt(elapsed, SLICE_TIME);
-        }
+        // Submitted one by one, because the cost of a step is not known before: looking at the clock in between
+        // keeps a turn short, and waiting for each costs nothing beside what it computes.
+        while begin.elapsed() < SLICE_TIME / 2 && self.run_step(gpu, stages)?.is_some() {}
         Ok(self.steps.is_empty())
     }
 
@@ -154,16 +142,38 @@ impl AoBuild {
     /// As [`Self::advance`].
     pub fn run_profiled(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<Vec<StepTime>, GpuError> {
         let mut times = Vec::new();
-        while let Some(step) = self.next_step() {
-            let begin = Instant::now();
-            gpu.guarded("ambient occlusion", || {
-                let mut recorder = Recorder::new(gpu, "ambient occlusion");
-                self.record(gpu, stages, &mut recorder, &step)?;
-                recorder.run(gpu)
-            })?;
-            times.push(StepTime { step, elapsed: begin.elapsed() });
+        while let Some(time) = self.run_step(gpu, stages)? {
+            times.push(time);
         }
         Ok(times)
+    }
+
+    /// True once a step has failed.
+    pub fn has_failed(&self) -> bool {
+        self.failure.is_some()
+    }
+
+    /// Runs the next step; `None` when there is none left.
+    fn run_step(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<Option<StepTime>, GpuError> {
+        if let Some(error) = &self.failure {
+            return Err(error.clone());
+        }
+        let Some(step) = self.next_step() else { return Ok(None) };
+        let begin = Instant::now();
+        let result = gpu.guarded("ambient occlusion", || {
+            let mut recorder = Recorder::new(gpu, "ambient occlusion");
+            self.record(gpu, stages, &mut recorder, &step)?;
+            recorder.run(gpu)
+        });
+        if let Err(error) = result {
+            self.failure = Some(error.clone());
+            return Err(error);
+        }
+        let elapsed = begin.elapsed();
+        if let (Step::Trace(_), Some(tracer)) = (&step, &mut self.tracer) {
+            tracer.adapt(elapsed, SLICE_TIME / 4);
+        }
+        Ok(Some(StepTime { step, elapsed }))
     }
 
     /// Traces only some rows (counted through the slices), for measuring.

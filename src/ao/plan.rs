@@ -42,9 +42,13 @@ pub fn plan(
         Some(u32::try_from((STEP_CELLS / cells).clamp(1, fitting.max(1))).unwrap_or(u32::MAX)).filter(|_| fitting > 0)
     };
     steps.extend(slabs(first.extent[2], thickness(first, 0)?).map(Step::Classify));
+    // Padded rows count in full: they fill the buffer of samples, and bound the rows of a dispatch.
+    let slice = 2 * u64::from(sample_row_words(dims)) * u64::from(dims[1]);
+    let samples_fit = |slices: u32| 2 * slice * u64::from(slices) <= largest_binding;
     if settings.method == AoMethod::Raytraced {
         steps.push(Step::Trace(0..dims[1] * dims[2]));
-        return trace_window_fits(dims, settings, first, largest_binding).then_some(steps);
+        let fits = samples_fit(1) && trace_window_fits(dims, settings, first, largest_binding);
+        return fits.then_some(steps);
     }
     for (level, layout) in (0..).zip(layouts).skip(1) {
         if level <= mip_levels(settings) {
@@ -58,13 +62,19 @@ pub fn plan(
             steps.extend(slabs(layout.extent[2], thick).map(|s| Step::NBuffer(level, s)));
         }
     }
-    let slice = u64::from(dims[0]) * u64::from(dims[1]);
     let mut thick = u32::try_from(STEP_CELLS / slice).unwrap_or(u32::MAX).max(1);
-    while !slabs(dims[2], thick).all(|slab| combine_window_fits(&slab, settings, layouts, largest_binding)) {
+    let windows_fit = |slab: Range<u32>| combine_window_fits(&slab, settings, layouts, largest_binding);
+    while !samples_fit(thick.min(dims[2])) || !slabs(dims[2], thick).all(windows_fit) {
         thick = Some(thick / 2).filter(|&t| t > 0)?;
     }
     steps.extend(slabs(dims[2], thick).map(Step::Combine));
     Some(steps)
+}
+
+/// Words, two samples each, between rows of the buffer of samples: rows of a buffer that is copied to a texture
+/// begin at multiples of 256 bytes.
+pub(super) fn sample_row_words(dims: [u32; 3]) -> u32 {
+    dims[0].div_ceil(2).next_multiple_of(64)
 }
 
 /// Slices of level `level` that combining the samples of `slab` looks up.
@@ -74,8 +84,8 @@ pub(super) fn combine_window(
     level: u32,
     layout: &LevelLayout,
 ) -> Range<u32> {
-    // |n| is at most 1, so a look-up is at most f * 2^l / 2 away.
-    let reach = settings.normal_factor * f64::from(1_u32 << level) * 0.5;
+    // Half a difference of values in [0, 1]: n is at most 1/2 along an axis, a look-up at most f * 2^l / 4 away.
+    let reach = settings.normal_factor * f64::from(1_u32 << level) * 0.25;
     layout.slices_around(f64::from(slab.start) + 0.5 - reach, f64::from(slab.end) - 0.5 + reach)
 }
 

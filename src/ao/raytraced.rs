@@ -11,6 +11,10 @@ use super::stages::AoStages;
 use crate::gpu::{Binding, Category, Gpu, GpuBuffer, GpuError, Recorder};
 use crate::scene::AmbientOcclusion;
 
+/// Most rays of one dispatch, unless a single row has more: after empty space, dispatches are long, and the next one
+/// may meet something. Enough to keep any adapter busy for longer than a submission takes.
+const MOST_RAYS: u64 = 1 << 23;
+
 /// What tracing needs beside level 0.
 #[derive(Debug)]
 pub(super) struct Tracer {
@@ -41,12 +45,15 @@ impl Tracer {
         (rows.start..end, end..rows.end)
     }
 
-    /// Takes more rows at a time while turns are short, fewer when they are long.
+    /// Takes more rows at a time while dispatches are short, fewer when they are long.
     pub(super) fn adapt(&mut self, elapsed: Duration, target: Duration) {
         if elapsed < target / 2 {
-            self.rows_per_dispatch = self.rows_per_dispatch.saturating_mul(2).min(1 << 16);
+            let row = u64::from(self.source.values.dims()[0]) * u64::from(self.settings.rays);
+            let most = u32::try_from(MOST_RAYS / row).unwrap_or(u32::MAX).max(1);
+            self.rows_per_dispatch = self.rows_per_dispatch.saturating_mul(2).min(most);
         } else if elapsed > target {
-            self.rows_per_dispatch = (self.rows_per_dispatch / 2).max(1);
+            let share = target.as_secs_f64() / elapsed.as_secs_f64();
+            self.rows_per_dispatch = ((f64::from(self.rows_per_dispatch) * share) as u32).max(1);
         }
     }
 

@@ -20,9 +20,7 @@ pub(super) async fn download(
     Path(id): Path<String>,
     mut query: QueryParams,
 ) -> Result<Response, ApiError> {
-    let format = query
-        .choice("format", "npy or nrrd", ArrayFormat::from_name)?
-        .unwrap_or(ArrayFormat::Npy);
+    let format = query.choice("format", "npy or nrrd", ArrayFormat::from_name)?.unwrap_or(ArrayFormat::Npy);
     query.finish()?;
     let snapshot = state.scenes.get(&id)?.snapshot();
     let volume = state.volumes.get(&snapshot.scene.volume.0)?.volume.clone();
@@ -35,10 +33,7 @@ pub(super) async fn download(
         .map_err(ApiError::internal)?;
     Response::builder()
         .header(header::CONTENT_TYPE, "application/octet-stream")
-        .header(
-            header::CONTENT_DISPOSITION,
-            format!("attachment; filename=\"{id}-ao.{}\"", format.name()),
-        )
+        .header(header::CONTENT_DISPOSITION, format!("attachment; filename=\"{id}-ao.{}\"", format.name()))
         .header(header::CACHE_CONTROL, "no-store")
         .header(SCENE_REVISION, snapshot.revision)
         .header(AO_GRID, ao_grid)

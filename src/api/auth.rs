@@ -37,10 +37,7 @@ impl ApiKeys {
     /// Compares with every key, whichever fits.
     pub fn accepts(&self, key: &[u8]) -> bool {
         let digest: [u8; 32] = Sha256::digest(key).into();
-        self.0
-            .iter()
-            .fold(Choice::from(0), |found, known| found | known.ct_eq(&digest))
-            .into()
+        self.0.iter().fold(Choice::from(0), |found, known| found | known.ct_eq(&digest)).into()
     }
 }
 
@@ -56,10 +53,7 @@ pub(super) async fn require_key(
     match bearer(request.headers()) {
         Some(key) if state.keys.accepts(key) => Ok(next.run(request).await),
         Some(_) => Err(ApiError::new(ErrorCode::Unauthorized, "this key is not known")),
-        None => Err(ApiError::new(
-            ErrorCode::Unauthorized,
-            "a key is needed: `Authorization: Bearer KEY`",
-        )),
+        None => Err(ApiError::new(ErrorCode::Unauthorized, "a key is needed: `Authorization: Bearer KEY`")),
     }
 }
 

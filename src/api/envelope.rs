@@ -29,14 +29,10 @@ impl IntoResponse for ApiError {
         let status = StatusCode::from_u16(status).expect("the table holds valid statuses");
         let mut response = status.into_response();
         if let Some(seconds) = self.retry_after_seconds() {
-            response
-                .headers_mut()
-                .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
         if self.code == ErrorCode::Unauthorized {
-            response
-                .headers_mut()
-                .insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
         response.extensions_mut().insert(self);
         response
@@ -48,10 +44,8 @@ pub(super) async fn observe(request: Request, next: Next) -> Response {
     let started = Instant::now();
     let method = request.method().clone();
     // The pattern, not the path: ids would make every line unique and may be secrets of their own.
-    let route = request
-        .extensions()
-        .get::<MatchedPath>()
-        .map_or("unmatched".to_owned(), |path| path.as_str().to_owned());
+    let route =
+        request.extensions().get::<MatchedPath>().map_or("unmatched".to_owned(), |path| path.as_str().to_owned());
     let id = request_id(&request);
     let span = tracing::info_span!("request", id = id.to_str().unwrap_or_default());
     let response = {
@@ -66,7 +60,7 @@ pub(super) async fn observe(request: Request, next: Next) -> Response {
         %method,
         route,
         status = response.status().as_u16(),
-        ms = started.elapsed().as_secs_f64() * 1e3,
+        ms = started.elapsed().as_micros() as f64 / 1e3,
         request_id = id.to_str().unwrap_or_default(),
         "request"
     );
@@ -93,10 +87,7 @@ fn complete(response: Response, id: &HeaderValue, method: &Method, route: &str) 
         return response;
     }
     let (mut parts, _) = response.into_parts();
-    let error = parts
-        .extensions
-        .remove::<ApiError>()
-        .unwrap_or_else(|| from_status(status, method, route));
+    let error = parts.extensions.remove::<ApiError>().unwrap_or_else(|| from_status(status, method, route));
     let (code, _) = error.code.name_and_status();
     let mut body = json!({ "code": code, "message": error.message });
     if let Some(details) = error.details {

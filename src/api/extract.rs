@@ -43,12 +43,7 @@ pub(super) fn is_json(headers: &HeaderMap) -> bool {
     let Some(Ok(content_type)) = headers.get(header::CONTENT_TYPE).map(|value| value.to_str()) else {
         return false;
     };
-    let essence = content_type
-        .split(';')
-        .next()
-        .unwrap_or_default()
-        .trim()
-        .to_ascii_lowercase();
+    let essence = content_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
     essence == "application/json" || (essence.starts_with("application/") && essence.ends_with("+json"))
 }
 
@@ -136,12 +131,7 @@ impl QueryParams {
             Ok(number) if range.contains(&number) => Ok(Some(number)),
             _ => Err(ApiError::invalid(
                 name,
-                format!(
-                    "expected a number from {} to {}, got `{}`",
-                    range.start(),
-                    range.end(),
-                    shortened(&text)
-                ),
+                format!("expected a number from {} to {}, got `{}`", range.start(), range.end(), shortened(&text)),
             )),
         }
     }
@@ -151,10 +141,7 @@ impl QueryParams {
         match self.text(name)?.as_deref() {
             None | Some("false" | "0") => Ok(false),
             Some("true" | "1") => Ok(true),
-            Some(other) => Err(ApiError::invalid(
-                name,
-                format!("expected true or false, got `{}`", shortened(other)),
-            )),
+            Some(other) => Err(ApiError::invalid(name, format!("expected true or false, got `{}`", shortened(other)))),
         }
     }
 
@@ -168,10 +155,7 @@ impl QueryParams {
         let Some(text) = self.text(name)? else { return Ok(None) };
         match parse(&text) {
             Some(value) => Ok(Some(value)),
-            None => Err(ApiError::invalid(
-                name,
-                format!("expected {expected}, got `{}`", shortened(&text)),
-            )),
+            None => Err(ApiError::invalid(name, format!("expected {expected}, got `{}`", shortened(&text)))),
         }
     }
 
@@ -186,11 +170,7 @@ impl QueryParams {
 
 /// Long input is not repeated in full.
 pub(super) fn shortened(text: &str) -> String {
-    if text.chars().count() <= 40 {
-        text.to_owned()
-    } else {
-        text.chars().take(40).chain(['…']).collect()
-    }
+    if text.chars().count() <= 40 { text.to_owned() } else { text.chars().take(40).chain(['…']).collect() }
 }
 
 /// `If-Match`: which revisions a change may start from.

@@ -36,9 +36,7 @@ pub(super) async fn of_scene(
     let snapshot = state.scenes.get(&id)?.snapshot();
     let size = picture_size(&state, &snapshot.scene, width, height, "")?;
     let mut response = picture(&state, snapshot.scene, size, format.unwrap_or(ImageFormat::Png)).await?;
-    response
-        .headers_mut()
-        .insert(SCENE_REVISION, HeaderValue::from(snapshot.revision));
+    response.headers_mut().insert(SCENE_REVISION, HeaderValue::from(snapshot.revision));
     Ok(response)
 }
 
@@ -63,10 +61,7 @@ pub(super) async fn one_shot(
     let format = match body.format.as_deref() {
         None => ImageFormat::Png,
         Some(name) => ImageFormat::from_name(name).ok_or_else(|| {
-            ApiError::invalid(
-                "format",
-                format!("expected png, jpeg or webp, got `{}`", shortened(name)),
-            )
+            ApiError::invalid("format", format!("expected png, jpeg or webp, got `{}`", shortened(name)))
         })?,
     };
     let scene = state.scenes.complete(&body.scene, "scene")?;
@@ -84,11 +79,7 @@ fn picture_size(
 ) -> Result<[u32; 2], ApiError> {
     let limit = state.limits.max_image_axis;
     let check = |name: &str, asked: Option<u32>, viewport: u32| {
-        let path = if asked.is_some() {
-            name.to_owned()
-        } else {
-            format!("{scene_path}viewport.{name}")
-        };
+        let path = if asked.is_some() { name.to_owned() } else { format!("{scene_path}viewport.{name}") };
         match asked.unwrap_or(viewport) {
             0 => Err(ApiError::invalid(&path, "expected at least 1 pixel")),
             size if size > limit => {
@@ -99,10 +90,7 @@ fn picture_size(
             size => Ok(size),
         }
     };
-    Ok([
-        check("width", width, scene.viewport.width)?,
-        check("height", height, scene.viewport.height)?,
-    ])
+    Ok([check("width", width, scene.viewport.width)?, check("height", height, scene.viewport.height)?])
 }
 
 /// Draws and encodes.
@@ -132,12 +120,8 @@ async fn picture(
 
 /// Milliseconds per stage, as browsers' tools show them.
 pub(super) fn server_timing(timings: &StageTimings, encode: Option<Duration>) -> String {
-    let stages = [
-        ("queue", timings.queue),
-        ("ao", timings.ao),
-        ("raycast", timings.raycast),
-        ("readback", timings.readback),
-    ];
+    let stages =
+        [("queue", timings.queue), ("ao", timings.ao), ("raycast", timings.raycast), ("readback", timings.readback)];
     let mut text = String::new();
     for (name, duration) in stages.into_iter().chain(encode.map(|duration| ("encode", duration))) {
         let comma = if text.is_empty() { "" } else { ", " };

@@ -38,10 +38,7 @@ pub(super) async fn landing(State(state): State<AppState>) -> Response {
     body.push_str("<div class=\"scenes\">");
     for scene in scenes {
         let scene = scene.snapshot();
-        let name = state
-            .volumes
-            .get(&scene.scene.volume.0)
-            .map_or("deleted volume".into(), |v| v.name.clone());
+        let name = state.volumes.get(&scene.scene.volume.0).map_or("deleted volume".into(), |v| v.name.clone());
         let path = format!("/v1/scenes/{}", scene.id);
         push(
             &mut body,
@@ -84,12 +81,7 @@ pub(super) async fn docs() -> Response {
         text(&document["info"]["description"]),
     );
     for (path, item) in document["paths"].as_object().into_iter().flatten() {
-        for (method, operation) in item
-            .as_object()
-            .into_iter()
-            .flatten()
-            .filter(|(key, _)| *key != "parameters")
-        {
+        for (method, operation) in item.as_object().into_iter().flatten().filter(|(key, _)| *key != "parameters") {
             push(
                 &mut body,
                 format_args!(
@@ -115,10 +107,7 @@ pub(super) async fn docs() -> Response {
             }
             for (status, response) in operation["responses"].as_object().into_iter().flatten() {
                 let response = resolve(&document, response);
-                push(
-                    &mut body,
-                    format_args!("<p><b>{status}</b> {}</p>", text(&response["description"])),
-                );
+                push(&mut body, format_args!("<p><b>{status}</b> {}</p>", text(&response["description"])));
             }
             body.push_str("</details>");
         }
@@ -128,11 +117,7 @@ pub(super) async fn docs() -> Response {
         let schema = serde_json::to_string_pretty(schema).unwrap_or_default();
         push(
             &mut body,
-            format_args!(
-                "<details><summary>{}</summary><pre>{}</pre></details>",
-                escape(name),
-                escape(&schema)
-            ),
+            format_args!("<details><summary>{}</summary><pre>{}</pre></details>", escape(name), escape(&schema)),
         );
     }
     body.push_str("</main>");
@@ -141,9 +126,7 @@ pub(super) async fn docs() -> Response {
 
 /// What a `$ref` within the document stands for; anything else is itself.
 fn resolve<'a>(document: &'a Value, value: &'a Value) -> &'a Value {
-    let target = value["$ref"]
-        .as_str()
-        .and_then(|reference| document.pointer(reference.strip_prefix('#')?));
+    let target = value["$ref"].as_str().and_then(|reference| document.pointer(reference.strip_prefix('#')?));
     target.unwrap_or(value)
 }
 

@@ -28,9 +28,8 @@ fn to_json(preset: &Preset, range: Option<[f64; 2]>) -> Value {
     let mut json = json!(preset);
     if let Some(range) = range {
         let points = preset.transfer_function(range).points;
-        let points = points
-            .iter()
-            .map(|p| json!({ "value": p.value, "color": p.color.to_hex(), "opacity": p.opacity }));
+        let points =
+            points.iter().map(|p| json!({ "value": p.value, "color": p.color.to_hex(), "opacity": p.opacity }));
         json["points"] = points.collect();
         json["units"] = "data".into();
     }
@@ -41,19 +40,12 @@ fn to_json(preset: &Preset, range: Option<[f64; 2]>) -> Value {
 /// `GET /v1/presets/{id}/thumbnail`
 pub(super) async fn thumbnail(Path(id): Path<String>, query: QueryParams) -> Result<Response, ApiError> {
     query.finish()?;
-    let preset = preset(&id).ok_or_else(|| {
-        ApiError::new(
-            ErrorCode::PresetNotFound,
-            format!("there is no preset `{}`", shortened(&id)),
-        )
-    })?;
+    let preset = preset(&id)
+        .ok_or_else(|| ApiError::new(ErrorCode::PresetNotFound, format!("there is no preset `{}`", shortened(&id))))?;
     let pixels = draw(&preset.transfer_function([0.0, 1.0]));
     // Six thousand pixels take microseconds: no need for the blocking pool.
     let png = encode_pixels(THUMBNAIL, &pixels, ImageFormat::Png, Rgba([0.0; 4]))?;
-    let headers = [
-        (header::CONTENT_TYPE, "image/png"),
-        (header::CACHE_CONTROL, "max-age=3600"),
-    ];
+    let headers = [(header::CONTENT_TYPE, "image/png"), (header::CACHE_CONTROL, "max-age=3600")];
     Ok((headers, png).into_response())
 }
 
@@ -61,10 +53,7 @@ pub(super) async fn thumbnail(Path(id): Path<String>, query: QueryParams) -> Res
 fn draw(transfer_function: &TransferFunction) -> Vec<u8> {
     let [width, height] = THUMBNAIL;
     let points = &transfer_function.points;
-    let (low, high) = (
-        points.first().map_or(0.0, |p| p.value),
-        points.last().map_or(1.0, |p| p.value),
-    );
+    let (low, high) = (points.first().map_or(0.0, |p| p.value), points.last().map_or(1.0, |p| p.value));
     let column = |x: u32| transfer_function.sample(low + (high - low) * (f64::from(x) + 0.5) / f64::from(width));
     let columns: Vec<_> = (0..width).map(column).collect();
     let mut pixels = Vec::with_capacity((width * height * 4) as usize);

@@ -23,20 +23,13 @@ const UPLOAD: &str = "/v1/volumes";
 fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
     vec![
         ("/v1/volumes", "GET POST", get(volumes::list).post(uploads::create)),
-        (
-            "/v1/volumes/{id}",
-            "GET DELETE",
-            get(volumes::show).delete(volumes::delete),
-        ),
+        ("/v1/volumes/{id}", "GET DELETE", get(volumes::show).delete(volumes::delete)),
         ("/v1/volumes/{id}/histogram", "GET", get(volumes::histogram)),
         ("/v1/scenes", "GET POST", get(scenes::list).post(scenes::create)),
         (
             "/v1/scenes/{id}",
             "GET PUT PATCH DELETE",
-            get(scenes::show)
-                .put(scenes::replace)
-                .patch(scenes::patch)
-                .delete(scenes::delete),
+            get(scenes::show).put(scenes::replace).patch(scenes::patch).delete(scenes::delete),
         ),
         ("/v1/scenes/{id}/undo", "POST", post(scenes::undo)),
         ("/v1/scenes/{id}/redo", "POST", post(scenes::redo)),
@@ -56,17 +49,12 @@ fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
 
 /// Path and methods of every route, for comparison with the OpenAPI document.
 pub fn route_table() -> Vec<(&'static str, Vec<&'static str>)> {
-    routes()
-        .into_iter()
-        .map(|(path, methods, _)| (path, methods.split(' ').collect()))
-        .collect()
+    routes().into_iter().map(|(path, methods, _)| (path, methods.split(' ').collect())).collect()
 }
 
 /// The whole HTTP interface.
 pub fn router(state: AppState) -> Router {
-    let routed = routes()
-        .into_iter()
-        .fold(Router::new(), |router, (path, _, handlers)| router.route(path, handlers));
+    let routed = routes().into_iter().fold(Router::new(), |router, (path, _, handlers)| router.route(path, handlers));
     with_middleware(routed, state)
 }
 
@@ -98,20 +86,14 @@ async fn gate(State(state): State<AppState>, request: Request, next: Next) -> Re
 /// Ends requests that take too long. Dropping the handler also drops its job: the renderer skips it.
 async fn time_limit(State(state): State<AppState>, request: Request, next: Next) -> Result<Response, ApiError> {
     let is_upload = request.method() == Method::POST
-        && request
-            .extensions()
-            .get::<MatchedPath>()
-            .is_some_and(|path| path.as_str() == UPLOAD);
+        && request.extensions().get::<MatchedPath>().is_some_and(|path| path.as_str() == UPLOAD);
     if is_upload {
         return Ok(next.run(request).await);
     }
     let limit = state.limits.request_timeout;
-    tokio::time::timeout(limit, next.run(request)).await.map_err(|_| {
-        ApiError::new(
-            ErrorCode::Timeout,
-            format!("this took longer than {} s", limit.as_secs_f64()),
-        )
-    })
+    tokio::time::timeout(limit, next.run(request))
+        .await
+        .map_err(|_| ApiError::new(ErrorCode::Timeout, format!("this took longer than {} s", limit.as_secs_f64())))
 }
 
 /// Lets pages of the allowed origins call; without any, browsers keep other pages out by themselves.
@@ -122,11 +104,7 @@ fn cors(allow_origins: &[String]) -> Option<CorsLayer> {
     let origins = if allow_origins.iter().any(|origin| origin == "*") {
         AllowOrigin::any()
     } else {
-        AllowOrigin::list(
-            allow_origins
-                .iter()
-                .filter_map(|origin| HeaderValue::from_str(origin).ok()),
-        )
+        AllowOrigin::list(allow_origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok()))
     };
     let layer = CorsLayer::new()
         .allow_origin(origins)

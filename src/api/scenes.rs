@@ -14,12 +14,7 @@ use crate::session::{SceneChange, SceneSnapshot};
 /// `GET /v1/scenes`
 pub(super) async fn list(State(state): State<AppState>, query: QueryParams) -> Result<Response, ApiError> {
     query.finish()?;
-    let scenes: Vec<Value> = state
-        .scenes
-        .list()
-        .iter()
-        .map(|scene| scene.snapshot().to_json())
-        .collect();
+    let scenes: Vec<Value> = state.scenes.list().iter().map(|scene| scene.snapshot().to_json()).collect();
     Ok(Json(json!({ "scenes": scenes })).into_response())
 }
 
@@ -116,16 +111,11 @@ fn without_identity(mut body: Value, id: &str) -> Result<(Value, Option<u64>), A
         return Ok((body, None));
     };
     if fields.shift_remove("id").is_some_and(|given| given != id) {
-        return Err(ApiError::invalid(
-            "id",
-            "not the id of this scene, and it cannot be changed",
-        ));
+        return Err(ApiError::invalid("id", "not the id of this scene, and it cannot be changed"));
     }
-    let revision = fields.shift_remove("revision").map(|given| {
-        given
-            .as_u64()
-            .ok_or_else(|| ApiError::invalid("revision", "expected the number of a revision"))
-    });
+    let revision = fields
+        .shift_remove("revision")
+        .map(|given| given.as_u64().ok_or_else(|| ApiError::invalid("revision", "expected the number of a revision")));
     let revision = revision.transpose()?;
     Ok((body, revision))
 }
@@ -138,10 +128,7 @@ fn change(
     change: SceneChange<'_>,
 ) -> Result<Response, ApiError> {
     let allowed = |current| if_match.allows(current) && revision.is_none_or(|expected| expected == current);
-    state
-        .scenes
-        .change(id, allowed, change)
-        .map(|snapshot| answer(&snapshot))
+    state.scenes.change(id, allowed, change).map(|snapshot| answer(&snapshot))
 }
 
 /// The scene and its revision as an entity tag.

@@ -139,10 +139,7 @@ pub struct Lifecycle {
 
 impl Default for Lifecycle {
     fn default() -> Self {
-        Self {
-            phase: watch::Sender::new(Phase::Starting),
-            in_flight: watch::Sender::new(0),
-        }
+        Self { phase: watch::Sender::new(Phase::Starting), in_flight: watch::Sender::new(0) }
     }
 }
 
@@ -175,9 +172,7 @@ impl Lifecycle {
     /// Waits until nothing is in flight, at most `deadline`; true when it is so.
     pub async fn idle(&self, deadline: Duration) -> bool {
         let mut in_flight = self.in_flight.subscribe();
-        tokio::time::timeout(deadline, in_flight.wait_for(|&n| n == 0))
-            .await
-            .is_ok()
+        tokio::time::timeout(deadline, in_flight.wait_for(|&n| n == 0)).await.is_ok()
     }
 }
 

@@ -39,29 +39,18 @@ impl UploadQuery {
         let (endian, spacing) = (query.text("endian")?, query.text("spacing")?);
         query.finish()?;
         let raw = match (&dims, &voxel_type) {
-            (Some(dims), Some(kind)) => Some(
-                RawSpec::parse(dims, kind, endian.as_deref(), spacing.as_deref()).map_err(in_query)?,
-            ),
+            (Some(dims), Some(kind)) => {
+                Some(RawSpec::parse(dims, kind, endian.as_deref(), spacing.as_deref()).map_err(in_query)?)
+            }
             (None, None) if endian.is_none() && spacing.is_none() => None,
             (None, _) => {
-                return Err(ApiError::invalid(
-                    "dims",
-                    "missing; raw voxels need dims=x,y,z and type",
-                ));
+                return Err(ApiError::invalid("dims", "missing; raw voxels need dims=x,y,z and type"));
             }
             (_, None) => {
-                return Err(ApiError::invalid(
-                    "type",
-                    "missing; raw voxels need dims=x,y,z and type",
-                ));
+                return Err(ApiError::invalid("type", "missing; raw voxels need dims=x,y,z and type"));
             }
         };
-        Ok(Self {
-            name,
-            format,
-            raw,
-            dry_run,
-        })
+        Ok(Self { name, format, raw, dry_run })
     }
 }
 
@@ -96,12 +85,7 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
     let (prepared, _permit) = blocking(move || (source.prepare(name, &limits), permit)).await?;
     let entry = place.fill(prepared.map_err(|error| blame.error(error))?).await?;
     let location = format!("/v1/volumes/{}", entry.id);
-    Ok((
-        StatusCode::CREATED,
-        [(header::LOCATION, location)],
-        Json(entry.to_json()),
-    )
-        .into_response())
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(entry.to_json())).into_response())
 }
 
 /// The answer to a dry run: what the volume would need.
@@ -141,10 +125,7 @@ async fn from_body(
     query: UploadQuery,
     request: Request,
 ) -> Result<(Option<String>, VolumeSource), ApiError> {
-    let content_type = request
-        .headers()
-        .get(header::CONTENT_TYPE)
-        .and_then(|value| value.to_str().ok());
+    let content_type = request.headers().get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
     let content_type = content_type.map(str::to_owned);
     if let Some(name) = &query.format {
         // A wrong name is told before the body has come.
@@ -152,14 +133,7 @@ async fn from_body(
     }
     let bytes = read_body(request, state.limits.max_upload_bytes, state.limits.request_timeout).await?;
     let format = Format::detect(query.format.as_deref(), content_type.as_deref(), &bytes)?;
-    Ok((
-        query.name,
-        VolumeSource::Upload {
-            bytes,
-            format,
-            raw: query.raw,
-        },
-    ))
+    Ok((query.name, VolumeSource::Upload { bytes, format, raw: query.raw }))
 }
 
 /// Body of `POST /v1/volumes` as JSON.
@@ -186,45 +160,24 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<(Optio
     let JsonRequest { name, source } = typed(body)?;
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);
     let source = match source {
-        JsonSource {
-            path: Some(path),
-            url: None,
-            procedural: None,
-        } => VolumeSource::Path {
-            path,
-            data_dir: data_dir(state)?,
-        },
-        JsonSource {
-            path: None,
-            url: Some(_),
-            procedural: None,
-        } => {
-            let message = "volumes are not fetched from other servers by this version; upload the file or use `path`";
-            return Err(
-                ApiError::new(ErrorCode::NotImplemented, format!("source.url: {message}"))
-                    .with_details(json!({ "path": "source.url" })),
-            );
+        JsonSource { path: Some(path), url: None, procedural: None } => {
+            VolumeSource::Path { path, data_dir: data_dir(state)? }
         }
-        JsonSource {
-            path: None,
-            url: None,
-            procedural: Some(spec),
-        } => VolumeSource::Procedural(spec),
+        JsonSource { path: None, url: Some(_), procedural: None } => {
+            let message = "volumes are not fetched from other servers by this version; upload the file or use `path`";
+            return Err(ApiError::new(ErrorCode::NotImplemented, format!("source.url: {message}"))
+                .with_details(json!({ "path": "source.url" })));
+        }
+        JsonSource { path: None, url: None, procedural: Some(spec) } => VolumeSource::Procedural(spec),
         _ => {
-            return Err(ApiError::invalid(
-                "source",
-                "expected exactly one of `path`, `url` and `procedural`",
-            ));
+            return Err(ApiError::invalid("source", "expected exactly one of `path`, `url` and `procedural`"));
         }
     };
     Ok((name, source))
 }
 
 fn data_dir(state: &AppState) -> Result<PathBuf, ApiError> {
-    state
-        .data_dir
-        .clone()
-        .ok_or_else(|| ApiError::invalid("source.path", "the server has no --data-dir"))
+    state.data_dir.clone().ok_or_else(|| ApiError::invalid("source.path", "the server has no --data-dir"))
 }
 
 fn checked_name(path: &str, name: String) -> Result<String, ApiError> {

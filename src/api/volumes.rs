@@ -39,11 +39,7 @@ pub(super) async fn delete(
 ) -> Result<StatusCode, ApiError> {
     let force = query.flag("force")?;
     query.finish()?;
-    state
-        .volumes
-        .delete(&id, force)
-        .await
-        .map_err(|error| name_users(&state, &id, error))?;
+    state.volumes.delete(&id, force).await.map_err(|error| name_users(&state, &id, error))?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -53,13 +49,10 @@ pub(super) async fn histogram(
     Path(id): Path<String>,
     mut query: QueryParams,
 ) -> Result<Json<Value>, ApiError> {
-    let bins = query
-        .number("bins", 1..=Limits::MAX_HISTOGRAM_BINS)?
-        .unwrap_or(DEFAULT_BINS);
+    let bins = query.number("bins", 1..=Limits::MAX_HISTOGRAM_BINS)?.unwrap_or(DEFAULT_BINS);
     query.finish()?;
     let entry = state.volumes.get(&id)?;
-    let histogram = tokio::task::spawn_blocking(move || entry.volume.histogram(bins))
-        .await
-        .map_err(ApiError::internal)??;
+    let histogram =
+        tokio::task::spawn_blocking(move || entry.volume.histogram(bins)).await.map_err(ApiError::internal)??;
     Ok(Json(json!({ "range": histogram.range, "counts": histogram.counts })))
 }

@@ -20,11 +20,7 @@ pub(super) fn run(args: &HealthcheckArgs, out: &mut dyn Write) -> anyhow::Result
         Ok(false) => writeln!(out, "not ready")?,
         Err(error) => writeln!(out, "not ready: {error}")?,
     }
-    Ok(if matches!(verdict, Ok(true)) {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    Ok(if matches!(verdict, Ok(true)) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// True when `/readyz` answers 200.
@@ -38,10 +34,7 @@ fn ask(addr: SocketAddr) -> std::io::Result<bool> {
     let mut stream = TcpStream::connect_timeout(&addr, PATIENCE)?;
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    write!(
-        stream,
-        "GET /readyz HTTP/1.1\r\nHost: {addr}\r\nConnection: close\r\n\r\n"
-    )?;
+    write!(stream, "GET /readyz HTTP/1.1\r\nHost: {addr}\r\nConnection: close\r\n\r\n")?;
     let mut answer = Vec::new();
     stream.take(MAX_ANSWER).read_to_end(&mut answer)?;
     Ok(answer.starts_with(b"HTTP/1.1 200 "))

@@ -27,9 +27,7 @@ pub(super) fn scene(volume: &NewVolume, file: Option<&Path>, patch: &Value) -> a
         None => json!({}),
         Some(path) => read_json(path).with_context(|| format!("cannot read {}", path.display()))?,
     };
-    let Value::Object(fields) = &mut json else {
-        bail!("a scene must be a JSON object")
-    };
+    let Value::Object(fields) = &mut json else { bail!("a scene must be a JSON object") };
     // What a server answered names its own ids; here there is one volume.
     fields.retain(|name, _| name != "id" && name != "revision");
     fields.insert("volume".into(), volume_id().0.into());

@@ -29,11 +29,7 @@ pub fn main() -> ExitCode {
         Err(error) => {
             // The last words: if standard error is closed, there is no one to tell.
             let _ = writeln!(stderr(), "error: {error:#}");
-            if error.is::<ConfigError>() {
-                ExitCode::from(USAGE)
-            } else {
-                ExitCode::FAILURE
-            }
+            if error.is::<ConfigError>() { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
         }
     }
 }

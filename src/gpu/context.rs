@@ -30,6 +30,9 @@ pub struct GpuOptions {
     pub memory_budget_bytes: Option<u64>,
     /// Use only what every adapter has, so that fallbacks can be tested anywhere.
     pub baseline_features_only: bool,
+    /// Largest storage binding, where the adapter allows more, so that windowed bindings can be tested with
+    /// small volumes.
+    pub max_storage_binding_bytes: Option<u64>,
 }
 
 /// What can go wrong on the device.
@@ -87,7 +90,9 @@ impl Gpu {
         let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let adapter = choose(found, options)?;
         let info = adapter.get_info();
-        let limits = adapter.limits();
+        let mut limits = adapter.limits();
+        let largest_binding = options.max_storage_binding_bytes.unwrap_or(u64::MAX);
+        limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(largest_binding);
         if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS_PER_PASS {
             return Err(GpuError::NoAdapter(format!(
                 "adapter `{}` allows {} storage buffers in a pass, {STORAGE_BUFFERS_PER_PASS} are needed",
@@ -213,7 +218,8 @@ fn choose(found: Vec<wgpu::Adapter>, options: &GpuOptions) -> Result<wgpu::Adapt
     if fitting.is_empty() {
         let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         let asked = match (&options.adapter, options.require_gpu) {
-            (Some(name), _) => format!("no usable adapter named like `{name}`"),
+            (Some(name), true) => format!("no hardware adapter named like `{name}`, and one is required"),
+            (Some(name), false) => format!("no adapter named like `{name}`"),
             (None, true) => "no hardware adapter, and one is required".to_owned(),
             (None, false) => "no graphics adapter; install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
         };

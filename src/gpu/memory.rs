@@ -156,7 +156,7 @@ impl Gpu {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<GpuBuffer, GpuError> {
-        let bytes = bytes.max(4).next_multiple_of(4);
+        let bytes = bytes.max(4).checked_next_multiple_of(4).unwrap_or(u64::MAX);
         if bytes > self.limits.max_buffer_size {
             return Err(self.budget.out_of_memory(label, bytes));
         }

@@ -11,6 +11,6 @@ mod uniform;
 pub use context::{Gpu, GpuError, GpuOptions};
 pub use memory::{Budget, Category, GpuBuffer, GpuTexture};
 pub use pass::{Binding, ComputeStage, Recorder};
-pub use shaders::{Assembled, ShaderError, assemble, stems};
+pub use shaders::{Assembled, ShaderError, assemble, assemble_from, stems};
 pub use uniform::Uniform;
 pub(crate) use uniform::uniform;

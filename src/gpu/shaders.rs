@@ -66,7 +66,21 @@ pub fn stems() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// [`ShaderError`] for unknown files, names and unbalanced blocks.
 pub fn assemble(stem: &str, values: &[(&str, u32)], replaced: &[(&str, &str)]) -> Result<Assembled, ShaderError> {
+    assemble_from(SOURCES, stem, values, replaced)
+}
+
+/// [`assemble`] from other `(name, text)` pairs than the program's own.
+///
+/// # Errors
+/// As [`assemble`].
+pub fn assemble_from(
+    sources: &[(&'static str, &'static str)],
+    stem: &str,
+    values: &[(&str, u32)],
+    replaced: &[(&str, &str)],
+) -> Result<Assembled, ShaderError> {
     let mut assembler = Assembler {
+        sources,
         values,
         replaced,
         seen: BTreeSet::new(),
@@ -77,6 +91,7 @@ pub fn assemble(stem: &str, values: &[(&str, u32)], replaced: &[(&str, &str)]) -
 }
 
 struct Assembler<'a> {
+    sources: &'a [(&'static str, &'static str)],
     values: &'a [(&'a str, u32)],
     replaced: &'a [(&'a str, &'a str)],
     seen: BTreeSet<&'static str>,
@@ -86,7 +101,7 @@ struct Assembler<'a> {
 impl Assembler<'_> {
     fn file(&mut self, name: &str, importer: &str, line: u32) -> Result<(), ShaderError> {
         let name = self.replaced.iter().find(|r| r.0 == name).map_or(name, |r| r.1);
-        let Some(&(name, text)) = SOURCES.iter().find(|s| s.0 == name) else {
+        let Some(&(name, text)) = self.sources.iter().find(|s| s.0 == name) else {
             return Err(error(importer, line, format!("no shader source `{name}`")));
         };
         if !self.seen.insert(name) {

@@ -181,7 +181,8 @@ impl Renderer {
         if let Some(accessibility) = self.ao_cache.get(&key) {
             return Ok(Ao::Ready(accessibility));
         }
-        if let Some(build) = self.ao_builds.get(&key).and_then(Weak::upgrade) {
+        let under_way = self.ao_builds.get(&key).and_then(Weak::upgrade);
+        if let Some(build) = under_way.filter(|build| !build.borrow().has_failed()) {
             return Ok(Ao::Building(key, build));
         }
         let build = loop {

@@ -38,7 +38,7 @@ pub enum VolumeSource {
 }
 
 impl VolumeSource {
-    /// A volume named on the command line: a file, or `procedural:KIND:SIZE`.
+    /// A volume named on the command line: a file, or `procedural:KIND:SIZE` (or `KIND:X,Y,Z`).
     ///
     /// # Errors
     /// Names `procedural`, or `path` if there is no such file.
@@ -46,30 +46,20 @@ impl VolumeSource {
         if let Some(text) = argument.strip_prefix("procedural:") {
             return procedural_from_argument(text).map(Self::Procedural);
         }
-        let io = |source| VolumeError::Io {
-            field: format!("path `{argument}`"),
-            source,
-        };
+        let io = |source| VolumeError::Io { field: format!("path `{argument}`"), source };
         // Resolved first: on the command line a symbolic link may lead anywhere.
         let path = Path::new(argument).canonicalize().map_err(io)?;
         let (Some(directory), Some(file)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
             return Err(io(std::io::ErrorKind::InvalidFilename.into()));
         };
-        Ok(Self::Path {
-            path: file.to_owned(),
-            data_dir: directory.to_owned(),
-        })
+        Ok(Self::Path { path: file.to_owned(), data_dir: directory.to_owned() })
     }
 
     /// What the volume is called when nobody names it.
     pub fn default_name(&self) -> String {
         match self {
             Self::Upload { .. } => "upload".into(),
-            Self::Path { path, .. } => Path::new(path)
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
+            Self::Path { path, .. } => Path::new(path).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             Self::Procedural(spec) => json!(spec.kind).as_str().unwrap_or_default().into(),
         }
     }
@@ -137,21 +127,21 @@ fn format_name(format: Format) -> &'static str {
     }
 }
 
-/// `KIND:SIZE`, where SIZE is the number of voxels along every axis.
+/// `KIND:SIZE` or `KIND:X,Y,Z`: voxels along every axis, or along each.
 fn procedural_from_argument(text: &str) -> Result<ProceduralSpec, VolumeError> {
     let malformed = || VolumeError::Malformed {
         field: "procedural".into(),
-        message: format!("`{text}` is not KIND:SIZE, such as gyroid:128"),
+        message: format!("`{text}` is not KIND:SIZE or KIND:X,Y,Z, such as gyroid:128"),
     };
     let (kind, size) = text.split_once(':').ok_or_else(malformed)?;
     let kind: ProceduralKind = serde_json::from_value(kind.into()).map_err(|_| malformed())?;
-    let size: u32 = size.parse().map_err(|_| malformed())?;
-    Ok(ProceduralSpec {
-        kind,
-        dims: [size; 3],
-        seed: 0,
-        spacing: None,
-    })
+    let sizes: Result<Vec<u32>, _> = size.split(',').map(str::parse).collect();
+    let dims = match sizes.map_err(|_| malformed())?[..] {
+        [n] => [n; 3],
+        [x, y, z] => [x, y, z],
+        _ => return Err(malformed()),
+    };
+    Ok(ProceduralSpec { kind, dims, seed: 0, spacing: None })
 }
 
 /// Lets a few volumes be loaded at once, and a few more wait.
@@ -171,10 +161,7 @@ pub struct LoadPermit {
 impl Admission {
     /// `loading` at once, `waiting` more in line.
     pub fn new(loading: usize, waiting: usize) -> Self {
-        Self {
-            waiting: Arc::new(Semaphore::new(loading + waiting)),
-            loading: Arc::new(Semaphore::new(loading)),
-        }
+        Self { waiting: Arc::new(Semaphore::new(loading + waiting)), loading: Arc::new(Semaphore::new(loading)) }
     }
 
     /// Waits in line.
@@ -184,9 +171,6 @@ impl Admission {
     pub async fn enter(&self) -> Result<LoadPermit, ApiError> {
         let waiting = self.waiting.clone().try_acquire_owned().map_err(|_| ApiError::busy())?;
         let loading = self.loading.clone().acquire_owned().await.map_err(ApiError::internal)?;
-        Ok(LoadPermit {
-            _waiting: waiting,
-            _loading: loading,
-        })
+        Ok(LoadPermit { _waiting: waiting, _loading: loading })
     }
 }

@@ -81,11 +81,7 @@ impl SceneEntry {
     }
 
     fn snapshot_of(&self, state: &State) -> SceneSnapshot {
-        SceneSnapshot {
-            id: self.id.clone(),
-            revision: state.history.revision(),
-            scene: state.history.scene().clone(),
-        }
+        SceneSnapshot { id: self.id.clone(), revision: state.history.revision(), scene: state.history.scene().clone() }
     }
 
     /// Changes the scene if `allowed` says so of its revision; on failure it stays what it was.
@@ -116,11 +112,7 @@ impl SceneEntry {
                 lease
             }
             SceneChange::Undo | SceneChange::Redo => {
-                let moved = if matches!(change, SceneChange::Undo) {
-                    history.undo()
-                } else {
-                    history.redo()
-                };
+                let moved = if matches!(change, SceneChange::Undo) { history.undo() } else { history.redo() };
                 moved.map_err(|error| ApiError::new(ErrorCode::NothingToUndo, error.to_string()))?;
                 lease(volumes, &history.scene().volume, "volume")?.1
             }
@@ -140,9 +132,7 @@ fn complete(document: &SceneDocument, volumes: &VolumeStore) -> Result<(Scene, V
 
 /// A scene's volume; that it is missing is the fault of the field `volume`.
 fn lease(volumes: &VolumeStore, id: &VolumeId, path: &str) -> Result<(Arc<VolumeEntry>, VolumeLease), ApiError> {
-    volumes
-        .lease(id)
-        .map_err(|error| error.with_details(json!({ "path": path, "volume": id.0 })))
+    volumes.lease(id).map_err(|error| error.with_details(json!({ "path": path, "volume": id.0 })))
 }
 
 #[derive(Debug, Default)]
@@ -162,11 +152,7 @@ pub struct SceneStore {
 impl SceneStore {
     /// An empty store.
     pub fn new(volumes: Arc<VolumeStore>, max_scenes: usize) -> Self {
-        Self {
-            volumes,
-            max_scenes,
-            inner: Mutex::default(),
-        }
+        Self { volumes, max_scenes, inner: Mutex::default() }
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -185,11 +171,7 @@ impl SceneStore {
     /// # Errors
     /// `scene_not_found`.
     pub fn get(&self, id: &str) -> Result<Arc<SceneEntry>, ApiError> {
-        self.lock()
-            .scenes
-            .get(id)
-            .cloned()
-            .ok_or_else(|| ApiError::scene_not_found(id))
+        self.lock().scenes.get(id).cloned().ok_or_else(|| ApiError::scene_not_found(id))
     }
 
     /// The complete scene of a document that is the field `parent` of another, not kept.
@@ -245,12 +227,7 @@ impl SceneStore {
     /// `scene_not_found`, `revision_mismatch`.
     pub fn delete(&self, id: &str, allowed: impl Fn(u64) -> bool) -> Result<(), ApiError> {
         let mut inner = self.lock();
-        let revision = inner
-            .scenes
-            .get(id)
-            .ok_or_else(|| ApiError::scene_not_found(id))?
-            .snapshot()
-            .revision;
+        let revision = inner.scenes.get(id).ok_or_else(|| ApiError::scene_not_found(id))?.snapshot().revision;
         if !allowed(revision) {
             return Err(revision_mismatch(revision));
         }
@@ -261,17 +238,11 @@ impl SceneStore {
     /// Ids of the scenes that look at a volume.
     pub fn using(&self, volume: &str) -> Vec<String> {
         let scenes = self.list().into_iter().map(|scene| scene.snapshot());
-        scenes
-            .filter(|scene| scene.scene.volume.0 == volume)
-            .map(|scene| scene.id)
-            .collect()
+        scenes.filter(|scene| scene.scene.volume.0 == volume).map(|scene| scene.id).collect()
     }
 }
 
 fn revision_mismatch(revision: u64) -> ApiError {
-    ApiError::new(
-        ErrorCode::RevisionMismatch,
-        format!("the scene is at revision {revision} now"),
-    )
-    .with_details(json!({ "revision": revision }))
+    ApiError::new(ErrorCode::RevisionMismatch, format!("the scene is at revision {revision} now"))
+        .with_details(json!({ "revision": revision }))
 }

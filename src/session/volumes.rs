@@ -45,18 +45,16 @@ impl VolumeEntry {
 
     /// The volume as the API shows it.
     pub fn to_json(&self) -> Value {
-        let mut json = describe(&self.volume);
-        let facts = json!({
-            "id": self.id.0,
-            "name": self.name,
-            "state": "resident",
+        let mut json = json!({ "id": self.id.0, "name": self.name, "state": "resident" });
+        merge(&mut json, describe(&self.volume));
+        let rest = json!({
             "gpu_bytes": self.gpu_bytes,
             "host_bytes": self.volume.host_bytes(),
             "sha256": self.sha256,
             "source": self.source,
             "created_at": rfc3339(self.created_at),
         });
-        merge(&mut json, facts);
+        merge(&mut json, rest);
         json
     }
 }
@@ -113,11 +111,7 @@ pub struct VolumeStore {
 impl VolumeStore {
     /// An empty store.
     pub fn new(renderer: RenderHandle, max_volumes: usize) -> Arc<Self> {
-        Arc::new(Self {
-            renderer,
-            max_volumes,
-            inner: Mutex::default(),
-        })
+        Arc::new(Self { renderer, max_volumes, inner: Mutex::default() })
     }
 
     // Nothing below panics while it holds the lock, so a poisoned one is as good as new.
@@ -128,11 +122,7 @@ impl VolumeStore {
     /// The volumes in the order in which they came.
     pub fn list(&self) -> Vec<Arc<VolumeEntry>> {
         let inner = self.lock();
-        let mut residents: Vec<_> = inner
-            .residents
-            .values()
-            .map(|r| (r.sequence, r.entry.clone()))
-            .collect();
+        let mut residents: Vec<_> = inner.residents.values().map(|r| (r.sequence, r.entry.clone())).collect();
         residents.sort_by_key(|(sequence, _)| *sequence);
         residents.into_iter().map(|(_, entry)| entry).collect()
     }
@@ -177,10 +167,7 @@ impl VolumeStore {
         let id = VolumeId(id.to_owned());
         {
             let mut inner = self.lock();
-            let resident = inner
-                .residents
-                .get(&id)
-                .ok_or_else(|| ApiError::volume_not_found(&id))?;
+            let resident = inner.residents.get(&id).ok_or_else(|| ApiError::volume_not_found(&id))?;
             // Leases are made under this lock only: the count cannot grow now.
             if !force && Arc::strong_count(&resident.users) > 1 {
                 let message = format!("a scene looks at volume `{id}`; delete it first, or use ?force=true");
@@ -257,14 +244,7 @@ impl Place {
         let mut inner = self.store.lock();
         inner.sequence += 1;
         let sequence = inner.sequence;
-        inner.residents.insert(
-            id,
-            Resident {
-                entry: entry.clone(),
-                users: Arc::new(()),
-                sequence,
-            },
-        );
+        inner.residents.insert(id, Resident { entry: entry.clone(), users: Arc::new(()), sequence });
         Ok(entry)
     }
 }
@@ -279,11 +259,7 @@ struct Uploaded {
 impl Uploaded {
     async fn upload(renderer: RenderHandle, id: VolumeId, volume: Arc<Volume>) -> Result<Self, RenderError> {
         let residency = renderer.add_volume(id.clone(), volume).await?;
-        Ok(Self {
-            renderer,
-            id: Some(id),
-            gpu_bytes: residency.gpu_bytes,
-        })
+        Ok(Self { renderer, id: Some(id), gpu_bytes: residency.gpu_bytes })
     }
 
     /// Leaves the volume where it is and says how many bytes it takes.

@@ -40,6 +40,11 @@ fn inspect_prints_what_a_file_holds() {
     assert_eq!(counts.iter().filter_map(Value::as_u64).sum::<u64>(), 128 * 128 * 105);
     assert_eq!(counts.len(), 8);
     assert!(failed(&["inspect", "no/such/file.nrrd"], 1).contains("no/such/file.nrrd"));
+    let boxes: Value = serde_json::from_str(&done(&["inspect", "procedural:boxes:5,6,7"])).expect("JSON");
+    assert_eq!(boxes["dims"], serde_json::json!([5, 6, 7]));
+    for bad in ["procedural:boxes", "procedural:boxes:5,6", "procedural:boxes:x", "procedural:boxes:-1"] {
+        assert!(failed(&["inspect", bad], 1).contains("procedural"), "{bad}");
+    }
     assert!(failed(&["inspect", "procedural:cube:8"], 1).contains("procedural"));
 }
 

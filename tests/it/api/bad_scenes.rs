@@ -31,7 +31,11 @@ const BAD_PATCHES: [(&str, u16, &str); 46] = [
     (r#"{"camera": {"height": -1}}"#, 422, "camera.height"),
     (r#"{"camera": [1]}"#, 422, "camera"),
     (r#"{"transfer_function": {"points": []}}"#, 422, "transfer_function.points"),
-    (r##"{"transfer_function": {"points": [{"value": 1, "color": "#fff"}]}}"##, 422, "transfer_function.points[0].opacity"),
+    (
+        r##"{"transfer_function": {"points": [{"value": 1, "color": "#fff"}]}}"##,
+        422,
+        "transfer_function.points[0].opacity",
+    ),
     (
         r##"{"transfer_function": {"points": [{"value": 1, "color": "red", "opacity": 1}]}}"##,
         422,

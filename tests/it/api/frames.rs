@@ -138,7 +138,8 @@ async fn more_pictures_at_once_than_there_are_places_are_turned_away() {
 async fn pages_need_nothing_from_elsewhere_and_show_names_as_text() {
     let server = Server::new(&[]);
     let source = json!({ "procedural": { "kind": "boxes", "dims": [8, 8, 8] } });
-    let volume = server.post("/v1/volumes", &json!({ "name": "<script>alert(1)</script>", "source": source })).await.json();
+    let volume =
+        server.post("/v1/volumes", &json!({ "name": "<script>alert(1)</script>", "source": source })).await.json();
     server.post("/v1/scenes", &json!({ "volume": volume["id"] })).await;
     for path in ["/", "/docs"] {
         let page = server.get(path).await;

@@ -88,7 +88,8 @@ fn an_address_that_others_can_reach_needs_a_key_or_an_explicit_no() {
 
 #[test]
 fn limits_take_units() {
-    let args = serve_args(&["--max-upload", "64K", "--gpu-memory", "3G", "--max-image", "100", "--drain-timeout", "0.5"]);
+    let args =
+        serve_args(&["--max-upload", "64K", "--gpu-memory", "3G", "--max-image", "100", "--drain-timeout", "0.5"]);
     assert_eq!(args.limits.max_upload_bytes, 65536);
     assert_eq!(args.gpu.options().memory_budget_bytes, Some(3 << 30));
     assert_eq!(args.limits.max_image_axis, 100);

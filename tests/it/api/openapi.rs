@@ -21,9 +21,9 @@ fn documented(document: &Value) -> Pairs {
 }
 
 fn routed() -> Pairs {
-    let pairs = route_table().into_iter().flat_map(|(path, methods)| {
-        methods.into_iter().map(move |method| (path.to_owned(), method.to_owned()))
-    });
+    let pairs = route_table()
+        .into_iter()
+        .flat_map(|(path, methods)| methods.into_iter().map(move |method| (path.to_owned(), method.to_owned())));
     pairs.collect()
 }
 
@@ -130,7 +130,8 @@ fn every_error_code_is_documented() {
 #[tokio::test]
 async fn real_answers_have_exactly_the_documented_fields() {
     let document = document();
-    let check = |name: &str, value: &Value| mismatches(&document, &document["components"]["schemas"][name], value, name);
+    let check =
+        |name: &str, value: &Value| mismatches(&document, &document["components"]["schemas"][name], value, name);
     let none = Vec::<String>::new();
     let server = Server::new(&[]);
     let scene = server.get(&server.scene().await).await.json();

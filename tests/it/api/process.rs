@@ -118,7 +118,9 @@ fn a_server_starts_serves_a_frame_and_ends_on_sigterm_without_a_warning() {
     let (status, log) = process.stop("-TERM");
     assert_eq!(status.code(), Some(0), "{log}");
     assert_eq!(alarms(&log), Vec::<&str>::new());
-    for part in ["method=POST route=\"/v1/volumes\" status=201", "route=\"/v1/scenes/{id}/frame\" status=200", "SIGTERM"] {
+    for part in
+        ["method=POST route=\"/v1/volumes\" status=201", "route=\"/v1/scenes/{id}/frame\" status=200", "SIGTERM"]
+    {
         assert!(log.contains(part), "{part} is not in\n{log}");
     }
     assert!(!log.contains(id), "ids of scenes are not in the lines of requests:\n{log}");
@@ -138,10 +140,10 @@ fn volumes_of_the_command_line_come_with_a_scene_and_the_log_may_be_json() {
     assert!(process.lines[2].contains(scenes["scenes"][0]["id"].as_str().expect("an id")));
     let (status, log) = process.stop("-INT");
     assert_eq!(status.code(), Some(0), "{log}");
-    for line in log.lines() {
-        let line: Value = serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"));
-        assert!(line["level"] != "WARN" && line["level"] != "ERROR", "{line}");
-    }
+    // Graphics drivers write to standard error too, past the log.
+    let events: Vec<Value> = log.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    assert!(events.iter().any(|event| event["signal"] == "SIGINT"), "{log}");
+    assert!(events.iter().all(|event| event["level"] == "INFO"), "{log}");
 }
 
 #[test]

@@ -38,7 +38,9 @@ async fn a_patch_changes_what_it_names_and_null_restores_the_default() {
     let server = Server::new(&[]);
     let scene = server.scene().await;
     let before = server.get(&scene).await.json();
-    let answer = server.patch(&scene, &json!({ "lighting": { "ambient": 0.25 }, "rendering": { "background": "#102030" } })).await;
+    let answer = server
+        .patch(&scene, &json!({ "lighting": { "ambient": 0.25 }, "rendering": { "background": "#102030" } }))
+        .await;
     assert_eq!((answer.status.as_u16(), answer.header("etag")), (200, "\"2\""), "{answer:?}");
     let mut expected = before.clone();
     expected["revision"] = 2.into();
@@ -59,7 +61,9 @@ async fn put_replaces_the_whole_scene_and_takes_what_get_gave() {
     let server = Server::new(&[]);
     let scene = server.scene().await;
     let first = server.get(&scene).await.json();
-    let changed = server.json(Method::PUT, &scene, &[], &json!({ "volume": first["volume"], "lighting": { "ambient": 1 } })).await;
+    let changed = server
+        .json(Method::PUT, &scene, &[], &json!({ "volume": first["volume"], "lighting": { "ambient": 1 } }))
+        .await;
     assert_eq!(changed.status, 200, "{changed:?}");
     assert_ne!(changed.json()["viewport"], first["viewport"], "what is missing gets its default");
     let mut again = first.clone();
@@ -82,7 +86,9 @@ async fn if_match_guards_every_change() {
     let patch = json!({ "lighting": { "ambient": 0.1 } });
     let revision = async || server.get(&scene).await.json()["revision"].as_u64().expect("a number");
     for tag in ["\"2\"", "W/\"1\"", "\"x\"", "\"2\", \"3\"", "\"\""] {
-        for (method, path) in [(Method::PATCH, &scene), (Method::PUT, &scene), (Method::DELETE, &scene), (Method::POST, &undo)] {
+        for (method, path) in
+            [(Method::PATCH, &scene), (Method::PUT, &scene), (Method::DELETE, &scene), (Method::POST, &undo)]
+        {
             let answer = server.json(method.clone(), path, &[("if-match", tag)], &patch).await;
             assert_eq!((answer.status.as_u16(), answer.code().as_str()), (409, "revision_mismatch"), "{method} {tag}");
             assert_eq!(answer.json()["error"]["details"]["revision"], 1);
@@ -108,7 +114,8 @@ async fn if_match_guards_every_change() {
 async fn undo_and_redo_make_new_revisions() {
     let server = Server::new(&[]);
     let scene = server.scene().await;
-    let post = async |what: &str| server.send(request(Method::POST, &format!("{scene}/{what}"), &[], Body::empty())).await;
+    let post =
+        async |what: &str| server.send(request(Method::POST, &format!("{scene}/{what}"), &[], Body::empty())).await;
     let content = |json: &Value| json["lighting"]["ambient"].clone();
     let first = server.get(&scene).await.json();
     for what in ["undo", "redo"] {

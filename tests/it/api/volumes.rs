@@ -43,7 +43,10 @@ async fn an_uploaded_volume_is_listed_shown_counted_and_deleted() {
     assert_eq!(volume["voxel_type"], "u8");
     assert_eq!(volume["value_range"], json!([0.0, 23.0]));
     assert_eq!(volume["host_bytes"], 24);
-    assert_eq!(volume["source"], json!({ "upload": { "format": "nrrd", "bytes": nrrd("unsigned char", &[0; 24]).len() } }));
+    assert_eq!(
+        volume["source"],
+        json!({ "upload": { "format": "nrrd", "bytes": nrrd("unsigned char", &[0; 24]).len() } })
+    );
     assert_eq!(volume["sha256"].as_str().map(str::len), Some(64));
     assert_eq!(server.get(&path).await.json(), volume);
     assert_eq!(server.get("/v1/volumes").await.json(), json!({ "volumes": [volume] }));
@@ -137,7 +140,8 @@ async fn a_body_that_stops_coming_is_given_up() {
 #[tokio::test]
 async fn json_names_a_source() {
     let server = Server::new(&[]);
-    let body = json!({ "name": "Foam", "source": { "procedural": { "kind": "cloud", "dims": [8, 9, 10], "seed": 3 } } });
+    let body =
+        json!({ "name": "Foam", "source": { "procedural": { "kind": "cloud", "dims": [8, 9, 10], "seed": 3 } } });
     let answer = server.post("/v1/volumes", &body).await;
     assert_eq!(answer.status, 201, "{answer:?}");
     assert_eq!(answer.json()["name"], "Foam");
