@@ -27,7 +27,8 @@ pub struct AoSource {
     pub max_code: u16,
     /// Opacity of every code over one smallest spacing, 65535 = 1.
     pub opacity_table: Rc<Vec<u16>>,
-    /// Chebyshev distance in bricks of 8^3 to the next brick that is not empty; x fastest.
+    /// Chebyshev distance in bricks of 8^3 to the next brick that is not empty; x fastest. Only rays need it: may be
+    /// empty for other methods.
     pub brick_distance: Rc<Vec<u8>>,
     /// Bricks along x, y, z.
     pub bricks: [u32; 3],
@@ -38,7 +39,7 @@ pub struct AoSource {
 pub struct Accessibility {
     /// A at voxel centres: r16unorm, or r16float where that cannot be filtered.
     pub texture: GpuTexture,
-    /// Accessibility that nine tenths of the surface do not exceed, in (0, 1].
+    /// Accessibility that four fifths of the surface do not exceed, in (0, 1].
     pub surface_reference: f64,
 }
 

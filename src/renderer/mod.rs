@@ -13,7 +13,7 @@ mod work;
 
 pub use exposure::{Exposure, exposure};
 pub use jobs::{AccessibilityJob, FrameJob, UploadJob};
-pub use occupancy::brick_distance;
+pub use occupancy::{BRICK, brick_distance};
 pub use raycast::{GradientParams, Light, RaycastParams};
 pub use request::{
     AccessibilityVolume, AoReport, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency,

@@ -164,6 +164,8 @@ impl Renderer {
     }
 
     pub(super) fn keep_volume(&mut self, id: VolumeId, resident: ResidentVolume) {
+        // What was derived from an earlier volume of this name is of no use for the new one.
+        self.remove_volume(&id);
         self.volumes.insert(id, Rc::new(resident));
     }
 
@@ -245,13 +247,16 @@ impl Renderer {
     fn ao_source(&self, resident: &ResidentVolume, scene: &Scene) -> AoSource {
         let volume = &resident.volume;
         let spacing = volume.grid.smallest_spacing();
-        let table = Self::transfer_table(resident, scene);
+        let brick_distance = match scene.ambient_occlusion.method {
+            AoMethod::Raytraced => Self::occupancy(resident, &Self::transfer_table(resident, scene)),
+            AoMethod::Off | AoMethod::Spao => Vec::new(),
+        };
         AoSource {
             values: resident.values.clone(),
             code_scale: resident.code_scale,
             max_code: volume.code_map.max_code,
             opacity_table: Rc::new(opacity_table(&scene.transfer_function, &volume.code_map, spacing)),
-            brick_distance: Rc::new(Self::occupancy(resident, &table)),
+            brick_distance: Rc::new(brick_distance),
             bricks: resident.brick_ranges.dims,
         }
     }

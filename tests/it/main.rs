@@ -1,9 +1,11 @@
 //! The one integration binary: every test of the project.
 
+mod ao;
 mod api;
 mod architecture;
 mod cli;
 mod container;
+mod gpu;
 mod house;
 mod reference;
 mod scene;
