@@ -1,6 +1,6 @@
 // Distribution of accessibility in front of surfaces, from which the exposure of pictures is taken. A voxel counts as
 // far as it is clear and has an opaque face neighbour. Every second sample along each axis is taken.
-// Twin: reference/exposure.rs.
+// Twin: reference/ao_surface.rs.
 #import common/levels
 #import common/accessibility
 

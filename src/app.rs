@@ -15,6 +15,9 @@ use crate::config::ServeArgs;
 use crate::render_thread::{RenderHandle, RenderThread};
 use crate::session::VolumeSource;
 
+/// Id of the scene of the first volume on the command line.
+const DEFAULT_SCENE: &str = "default";
+
 /// How often the render thread's pulse is felt.
 const PULSE: Duration = Duration::from_millis(500);
 
@@ -67,13 +70,18 @@ pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()>
 /// Loads the volumes of the command line, each with a default scene.
 async fn preload(state: &AppState, volumes: &[String]) -> anyhow::Result<()> {
     let limits = state.volume_limits();
-    for argument in volumes {
+    for (number, argument) in volumes.iter().enumerate() {
         let named = argument.clone();
         let prepared = tokio::task::spawn_blocking(move || VolumeSource::from_argument(&named)?.prepare(None, &limits));
         let prepared = prepared.await?.with_context(|| format!("cannot load {argument}"))?;
         let place = state.volumes.reserve()?;
         let entry = place.fill(prepared).await.with_context(|| format!("cannot load {argument}"))?;
-        let scene = state.scenes.create(&json!({ "volume": entry.id.0 }))?;
+        let document = json!({ "volume": entry.id.0 });
+        // The first scene has a name that can be written down.
+        let scene = match number {
+            0 => state.scenes.create_as(DEFAULT_SCENE.into(), &document)?,
+            _ => state.scenes.create(&document)?,
+        };
         tracing::info!(volume = entry.id.0, name = entry.name, scene = scene.id, "loaded");
     }
     Ok(())

@@ -136,6 +136,8 @@ impl Limits {
     pub const WAITING_LOADS: usize = 16;
     /// Pictures and accessibility volumes in progress, waiting ones included: each may hold a whole picture.
     pub const CONCURRENT_RENDERS: usize = 32;
+    /// Streams that may be open: each costs a task and a few pictures of memory.
+    pub const CONCURRENT_STREAMS: usize = 256;
     /// Longest upload in all: a client that sends a byte now and then must not hold a slot for ever.
     pub const MAX_UPLOAD_TIME: Duration = Duration::from_secs(3600);
     /// Most bins of a histogram.

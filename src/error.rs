@@ -19,6 +19,8 @@ pub enum ErrorCode {
     Malformed,
     /// No key, or a wrong one.
     Unauthorized,
+    /// A page of another origin.
+    ForbiddenOrigin,
     /// No such route.
     NotFound,
     /// No such volume.
@@ -63,9 +65,10 @@ pub enum ErrorCode {
 
 impl ErrorCode {
     /// Every code, in the order of its status.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Malformed,
         Self::Unauthorized,
+        Self::ForbiddenOrigin,
         Self::NotFound,
         Self::VolumeNotFound,
         Self::SceneNotFound,
@@ -93,6 +96,7 @@ impl ErrorCode {
         match self {
             Self::Malformed => ("malformed", 400),
             Self::Unauthorized => ("unauthorized", 401),
+            Self::ForbiddenOrigin => ("forbidden_origin", 403),
             Self::NotFound => ("not_found", 404),
             Self::VolumeNotFound => ("volume_not_found", 404),
             Self::SceneNotFound => ("scene_not_found", 404),

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::gpu::GpuOptions;
 use crate::reference::{OpacityField, RaytracedAo, SpaoAo, ValueField};
-use crate::renderer::{FrameRequest, Renderer};
+use crate::renderer::{AoPolicy, FrameRequest, Renderer};
 use crate::scene::{AoMethod, Scene, SceneDocument};
 use crate::session::{VolumeSource, volume_facts};
 use crate::volume::{Limits, Volume, VolumeId};
@@ -48,7 +48,7 @@ pub fn run(options: &GpuOptions, out: &mut dyn Write) -> anyhow::Result<bool> {
         writeln!(out, "{verdict:6} accessibility {case}: largest difference {worst:.5}")?;
     }
     let scene = SceneDocument::from_json(&json!({"volume": id.0}))?.complete(&facts)?;
-    let frame = renderer.render(&FrameRequest { scene: Arc::new(scene), width: 64, height: 64 })?;
+    let frame = renderer.render(&FrameRequest { scene: Arc::new(scene), width: 64, height: 64, ao_policy: AoPolicy::Exact })?;
     let visible = frame.rgba.chunks_exact(4).any(|pixel| pixel[..3].iter().any(|&c| c > 64));
     writeln!(out, "{:6} picture", if visible { "ok" } else { "FAILED" })?;
     Ok(passed && visible)

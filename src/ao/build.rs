@@ -41,6 +41,8 @@ pub struct Accessibility {
     pub texture: GpuTexture,
     /// Accessibility that four fifths of the surface do not exceed, in (0, 1].
     pub surface_reference: f64,
+    /// Its number in the order of completion, from 1.
+    pub version: u64,
 }
 
 /// How long one step of a profiled build took.
@@ -196,17 +198,17 @@ impl AoBuild {
         self.levels.iter().map(GpuBuffer::bytes).collect()
     }
 
-    /// The finished accessibility volume, once; `None` before the last step is done.
+    /// The finished accessibility volume, once, to be known as `version`; `None` before the last step is done.
     ///
     /// # Errors
     /// As [`Self::advance`].
-    pub fn finish(&mut self, gpu: &Gpu) -> Result<Option<Accessibility>, GpuError> {
+    pub fn finish(&mut self, gpu: &Gpu, version: u64) -> Result<Option<Accessibility>, GpuError> {
         if !self.steps.is_empty() {
             return Ok(None);
         }
         let Some(texture) = self.target.take() else { return Ok(None) };
         let surface_reference = gpu.guarded("ambient occlusion", || self.surface.reference(gpu))?;
-        Ok(Some(Accessibility { texture, surface_reference }))
+        Ok(Some(Accessibility { texture, surface_reference, version }))
     }
 
     fn next_step(&mut self) -> Option<Step> {

@@ -70,6 +70,11 @@ impl AoCache {
         Some(accessibility)
     }
 
+    /// The result of `volume` that was used last, whatever it was computed from.
+    pub fn latest_of(&self, volume: &VolumeId) -> Option<Rc<Accessibility>> {
+        self.results.iter().rev().find(|r| &r.0.volume == volume).map(|r| r.1.clone())
+    }
+
     /// Keeps a result; the least recently used one goes when there are too many.
     pub fn insert(&mut self, key: AoKey, accessibility: Rc<Accessibility>) {
         self.results.retain(|r| r.0 != key);

@@ -1,6 +1,6 @@
 //! API keys: `Authorization: Bearer KEY`, compared in constant time.
 
-use axum::extract::{Request, State};
+use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::Response;
@@ -12,6 +12,9 @@ use crate::error::{ApiError, ErrorCode};
 
 /// Routes that need no key: an orchestrator's probes have none.
 const OPEN_ROUTES: [&str; 2] = ["/livez", "/readyz"];
+
+/// Routes that look for a key themselves: a browser cannot give a WebSocket a header.
+const OWN_CHECK: &str = "/v1/scenes/{id}/stream";
 
 /// The keys that open the server; none means that no key is needed.
 #[derive(Clone, Default)]
@@ -47,7 +50,8 @@ pub(super) async fn require_key(
     request: Request,
     next: Next,
 ) -> Result<Response, ApiError> {
-    if state.keys.is_open() || OPEN_ROUTES.contains(&request.uri().path()) {
+    let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
+    if state.keys.is_open() || OPEN_ROUTES.contains(&request.uri().path()) || route == Some(OWN_CHECK) {
         return Ok(next.run(request).await);
     }
     match bearer(request.headers()) {
@@ -57,7 +61,7 @@ pub(super) async fn require_key(
     }
 }
 
-fn bearer(headers: &HeaderMap) -> Option<&[u8]> {
+pub(super) fn bearer(headers: &HeaderMap) -> Option<&[u8]> {
     let value = headers.get(header::AUTHORIZATION)?.as_bytes();
     let (scheme, key) = value.split_at_checked(7)?;
     scheme.eq_ignore_ascii_case(b"bearer ").then(|| key.trim_ascii())

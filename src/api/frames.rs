@@ -15,7 +15,7 @@ use super::AppState;
 use super::extract::{JsonBody, QueryParams, shortened, typed};
 use crate::encode::{ImageFormat, encode};
 use crate::error::{ApiError, ErrorCode};
-use crate::renderer::{FrameRequest, StageTimings};
+use crate::renderer::{AoPolicy, FrameRequest, StageTimings};
 use crate::scene::Scene;
 
 /// Header that names the revision a picture shows.
@@ -102,7 +102,7 @@ async fn picture(
 ) -> Result<Response, ApiError> {
     let _slot = state.render_slot()?;
     let background = scene.rendering.background;
-    let frame = state.renderer.render(FrameRequest { scene, width, height }).await?;
+    let frame = state.renderer.render(FrameRequest { scene, width, height, ao_policy: AoPolicy::Exact }).await?;
     let timings = frame.timings;
     let (bytes, encoding) = tokio::task::spawn_blocking(move || {
         let started = Instant::now();

@@ -15,10 +15,12 @@ mod router;
 mod scenes;
 mod server;
 mod state;
+mod stream;
 mod uploads;
 mod volumes;
 
 pub use auth::ApiKeys;
 pub use openapi::{OPENAPI, document};
 pub use router::{route_table, router, with_middleware};
+pub use stream::Quality;
 pub use state::{AppState, InFlight, Lifecycle, Phase, Shared};

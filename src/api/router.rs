@@ -10,7 +10,7 @@ use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-use super::{AppState, ao, auth, envelope, frames, pages, presets, scenes, server, uploads, volumes};
+use super::{AppState, ao, auth, envelope, frames, pages, presets, scenes, server, stream, uploads, volumes};
 use crate::error::{ApiError, ErrorCode};
 
 /// Paths that answer in every phase of the server's life.
@@ -35,6 +35,7 @@ fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
         ("/v1/scenes/{id}/redo", "POST", post(scenes::redo)),
         ("/v1/scenes/{id}/frame", "GET", get(frames::of_scene)),
         ("/v1/scenes/{id}/ao", "GET", get(ao::download)),
+        ("/v1/scenes/{id}/stream", "GET", get(stream::open)),
         ("/v1/render", "POST", post(frames::one_shot)),
         ("/v1/presets", "GET", get(presets::list)),
         ("/v1/presets/{id}/thumbnail", "GET", get(presets::thumbnail)),

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tokio::sync::{Semaphore, SemaphorePermit, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, SemaphorePermit, watch};
 
 use super::ApiKeys;
 use crate::config::{Limits, ServeArgs};
 use crate::error::{ApiError, ErrorCode};
 use crate::render_thread::RenderHandle;
-use crate::session::{Admission, SceneStore, VolumeStore};
+use crate::session::{Admission, ResumeStore, SceneStore, VolumeStore};
 use crate::volume;
 
 /// Bytes of the largest voxel type.
@@ -43,7 +43,10 @@ pub struct Shared {
     pub lifecycle: Lifecycle,
     /// Bounds the volumes that are being loaded.
     pub loads: Admission,
+    /// Views of streams that were cut off.
+    pub resume: ResumeStore,
     renders: Semaphore,
+    streams: Arc<Semaphore>,
 }
 
 impl Deref for AppState {
@@ -68,7 +71,9 @@ impl AppState {
             data_dir: config.data_dir.clone(),
             lifecycle: Lifecycle::default(),
             loads: Admission::new(Limits::CONCURRENT_LOADS, Limits::WAITING_LOADS),
+            resume: ResumeStore::default(),
             renders: Semaphore::new(Limits::CONCURRENT_RENDERS),
+            streams: Arc::new(Semaphore::new(Limits::CONCURRENT_STREAMS)),
             limits,
         }))
     }
@@ -79,6 +84,14 @@ impl AppState {
     /// `busy`.
     pub fn render_slot(&self) -> Result<SemaphorePermit<'_>, ApiError> {
         self.renders.try_acquire().map_err(|_| ApiError::busy())
+    }
+
+    /// Takes one of the places for streams, for as long as the connection lives.
+    ///
+    /// # Errors
+    /// `busy`.
+    pub fn stream_place(&self) -> Result<OwnedSemaphorePermit, ApiError> {
+        self.streams.clone().try_acquire_owned().map_err(|_| ApiError::busy())
     }
 
     /// `Err` with the reason while the server cannot work.

@@ -133,7 +133,8 @@ impl Gpu {
     /// Runs `work` so that validation and memory errors become its error and nobody else's.
     ///
     /// # Errors
-    /// What `work` returns, else the first error that the driver reported meanwhile.
+    /// The first error that was reported meanwhile, else what `work` returns: a rejected command is the cause of
+    /// the wait for it that fails.
     pub fn guarded<T>(&self, what: &str, work: impl FnOnce() -> Result<T, GpuError>) -> Result<T, GpuError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -143,9 +144,8 @@ impl Gpu {
         if self.is_lost() {
             return Err(GpuError::Lost(what.to_owned()));
         }
-        let value = result?;
         match errors.into_iter().flatten().next() {
-            None => Ok(value),
+            None => result,
             Some(wgpu::Error::OutOfMemory { .. }) => Err(self.budget.out_of_memory(what, 0)),
             Some(error) => Err(GpuError::Device(format!("{what}: {error}"))),
         }

@@ -8,20 +8,24 @@
 
 mod ao_raytraced;
 mod ao_spao;
+mod ao_surface;
 mod box_mean;
 mod field;
 mod gradient;
 mod mipmap;
 mod ray_setup;
 mod raycast;
+mod segment;
 mod shading;
 
 pub use ao_raytraced::{RaytracedAo, fibonacci_directions};
 pub use ao_spao::{LevelMeans, SpaoAo};
+pub use ao_surface::surface_reference;
 pub use box_mean::BoxMean;
 pub use field::{OpacityField, ValueField};
 pub use gradient::{central_difference, offset_normal, voxel_gradients};
 pub use mipmap::{HybridMeans, MipPyramid};
-pub use ray_setup::{Interval, Ray, first_sample, pixel_ray, visible_interval};
+pub use ray_setup::{Interval, Ray, pixel_ray, sample_places, visible_interval};
 pub use raycast::{RaycastInput, Raycaster};
-pub use shading::{Illumination, illuminate};
+pub use segment::OpticalDepth;
+pub use shading::{Exposure, Illumination, clearness, facing_normal, illuminate, openness};

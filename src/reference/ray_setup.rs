@@ -25,15 +25,9 @@ pub struct Interval {
 
 impl Interval {
     /// Everything in front of the eye.
-    pub const IN_FRONT: Self = Self {
-        enter: 0.0,
-        exit: f64::INFINITY,
-    };
+    pub const IN_FRONT: Self = Self { enter: 0.0, exit: f64::INFINITY };
     /// Nothing.
-    const EMPTY: Self = Self {
-        enter: f64::INFINITY,
-        exit: f64::NEG_INFINITY,
-    };
+    const EMPTY: Self = Self { enter: f64::INFINITY, exit: f64::NEG_INFINITY };
 
     /// Whether no t is inside.
     pub fn is_empty(&self) -> bool {
@@ -48,24 +42,16 @@ impl Interval {
     /// Keeps what lies in the box, for p = `origin` + t `direction` in any space.
     pub fn clip_to_box(self, origin: DVec3, direction: DVec3, min: DVec3, max: DVec3) -> Self {
         (0..3).fold(self, |interval, a| {
-            interval
-                .keep_positive(origin[a] - min[a], direction[a])
-                .keep_positive(max[a] - origin[a], -direction[a])
+            interval.keep_positive(origin[a] - min[a], direction[a]).keep_positive(max[a] - origin[a], -direction[a])
         })
     }
 
     /// Keeps where `height + slope * t` >= 0.
     fn keep_positive(self, height: f64, slope: f64) -> Self {
         if slope > 0.0 {
-            Self {
-                enter: self.enter.max(-height / slope),
-                ..self
-            }
+            Self { enter: self.enter.max(-height / slope), ..self }
         } else if slope < 0.0 {
-            Self {
-                exit: self.exit.min(-height / slope),
-                ..self
-            }
+            Self { exit: self.exit.min(-height / slope), ..self }
         } else if height >= 0.0 {
             self
         } else {
@@ -101,10 +87,14 @@ pub fn visible_interval(ray: &Ray, grid: &Grid, rendering: &Rendering) -> Interv
     interval
 }
 
-/// The k of the first sample t_k = (k + 1/2) `step` with t_k >= `enter` >= 0.
+/// Where a ray is sampled: at the multiples of `step` inside the interval, counted from t = 0, and at both its ends,
+/// in ascending order. An end that is itself a multiple may come twice.
 ///
-/// Samples are counted from t = 0 and not from where the ray enters, so a clip box that is dragged takes
-/// samples away without moving the others, and flat faces show no wood-grain.
-pub fn first_sample(enter: f64, step: f64) -> f64 {
-    (enter / step - 0.5).ceil().max(0.0)
+/// Counted from the eye plane and not from where the ray enters, so a clip box that is dragged moves the ends and no
+/// other sample, and flat faces show no wood-grain. The interval must not be empty.
+pub fn sample_places(interval: Interval, step: f64) -> impl Iterator<Item = f64> {
+    let first = (interval.enter / step).floor();
+    // Counted, because adding 1 to a huge number would not end.
+    let count = ((interval.exit / step).ceil() - first) as u64;
+    (0..=count).map(move |n| ((first + n as f64) * step).clamp(interval.enter, interval.exit))
 }

@@ -1,4 +1,4 @@
-//! The ray caster: front-to-back compositing of lit samples, without any skipping.
+//! The ray caster: front-to-back compositing of lit, pre-integrated segments, without any skipping.
 //!
 //! Everything happens in sRGB-encoded space, as is the field's convention: transfer functions and backgrounds
 //! are authored by eye on a display, where half-way between two colours means half-way between their codes.
@@ -8,13 +8,16 @@ use rayon::prelude::*;
 
 use super::field::{ValueField, trilinear_clamped, voxel_count};
 use super::gradient::voxel_gradients;
-use super::ray_setup::{Ray, first_sample, pixel_ray, visible_interval};
-use super::shading::{Illumination, illuminate};
+use super::ray_setup::{Ray, pixel_ray, sample_places, visible_interval};
+use super::segment::OpticalDepth;
+use super::shading::{Exposure, Illumination, clearness, facing_normal, illuminate, openness};
 use crate::scene::{RayBasis, Scene};
 use crate::volume::{CodeMap, Grid};
 
 /// A ray this opaque has reached its end; what lies behind could change no 8-bit channel by more than one.
 const OPAQUE: f64 = 0.999;
+/// Smallest spacings between a sample of a clear surface and the accessibility it is lit by.
+const IN_FRONT: f64 = 1.0;
 
 /// What a picture is made of.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +32,8 @@ pub struct RaycastInput<'a> {
     pub scene: &'a Scene,
     /// A at every voxel centre, x fastest, before `strength`; `None` is 1 everywhere.
     pub accessibility: Option<&'a [f64]>,
-    /// Factor on the illumination.
-    pub exposure: f64,
+    /// What turns O' into light.
+    pub exposure: Exposure,
     /// Pixels across, at least 1.
     pub width: u32,
     /// Pixels down, at least 1.
@@ -42,12 +45,27 @@ pub struct RaycastInput<'a> {
 pub struct Raycaster<'a> {
     input: RaycastInput<'a>,
     basis: RayBasis,
-    /// ∇v̂ per voxel, in index space.
+    depth: OpticalDepth<'a>,
+    /// World gradient of every voxel, encoded: see [`encoded`].
     gradients: Vec<DVec3>,
-    /// -h J^-T: from an index-space gradient to the dimensionless world normal.
-    normal_from_gradient: DMat3,
     /// World length between samples.
     step: f64,
+}
+
+/// Longest gradient that is told from longer ones: three differences of half the range, 3^(1/2) / 2.
+fn longest_gradient() -> f64 {
+    0.75_f64.sqrt()
+}
+
+/// A gradient with the square root of its length, in units of [`longest_gradient`] and at most 1, for its length.
+/// The GPU stores it like that because eight bits must still hold the direction of weak gradients; and since
+/// it interpolates what it has stored, so does this twin (in f64, without rounding to eight bits).
+fn encoded(gradient: DVec3) -> DVec3 {
+    gradient.normalize_or_zero() * (gradient.length() / longest_gradient()).min(1.0).sqrt()
+}
+
+fn decoded(encoded: DVec3) -> DVec3 {
+    encoded * encoded.length() * longest_gradient()
 }
 
 impl<'a> Raycaster<'a> {
@@ -55,17 +73,17 @@ impl<'a> Raycaster<'a> {
     pub fn new(input: RaycastInput<'a>) -> Self {
         assert_eq!(input.grid.dims, input.values.dims, "values on the grid");
         let voxels = voxel_count(input.grid.dims);
-        assert!(
-            input.accessibility.is_none_or(|a| a.len() == voxels),
-            "one accessibility per voxel"
-        );
+        assert!(input.accessibility.is_none_or(|a| a.len() == voxels), "one accessibility per voxel");
         let h = input.grid.smallest_spacing();
+        let step = h / input.scene.rendering.sampling_rate;
+        // h J^-T makes dimensionless world gradients of index-space ones.
+        let world_from_gradient: DMat3 = input.grid.index_from_world().matrix3.transpose() * h;
         Self {
             input,
             basis: input.scene.camera.ray_basis(input.width, input.height),
-            gradients: voxel_gradients(input.values),
-            normal_from_gradient: input.grid.index_from_world().matrix3.transpose() * -h,
-            step: h / input.scene.rendering.sampling_rate,
+            depth: OpticalDepth::new(&input.scene.transfer_function, step, h),
+            gradients: voxel_gradients(input.values).into_iter().map(|g| encoded(world_from_gradient * g)).collect(),
+            step,
         }
     }
 
@@ -84,14 +102,18 @@ impl<'a> Raycaster<'a> {
         self.over_background(self.march(&ray))
     }
 
-    /// N = -∇v̂ h in world space at an index-space position: gradients of voxels, interpolated.
-    pub fn world_normal(&self, index_position: DVec3) -> DVec3 {
-        self.normal_from_gradient * trilinear_clamped(self.input.grid.dims, index_position, &self.gradients)
+    /// ∇v̂ h in world space at an index-space position, at most 3^(1/2) / 2 long: encoded gradients of voxels,
+    /// interpolated, then decoded. h is the smallest spacing.
+    pub fn world_gradient(&self, index_position: DVec3) -> DVec3 {
+        decoded(trilinear_clamped(self.input.grid.dims, index_position, &self.gradients))
     }
 
-    /// Composites the samples t_k = (k + 1/2) step of the visible interval: premultiplied colour and alpha.
+    /// Composites the segments between neighbouring samples ([`sample_places`]) of the visible interval, along each
+    /// of which the value runs linearly: premultiplied colour and alpha.
     ///
-    /// A ray ends early once its alpha passes `OPAQUE`; alpha is left as it is then.
+    /// A segment of the length l has the opacity 1 - e^-(mean τ · l / step) and is coloured and lit where half of
+    /// that lies in front ([`OpticalDepth`]). A ray ends early once its alpha passes `OPAQUE`; alpha is left as it
+    /// is then.
     fn march(&self, ray: &Ray) -> (DVec3, f64) {
         let (mut color, mut alpha) = (DVec3::ZERO, 0.0);
         let interval = visible_interval(ray, self.input.grid, &self.input.scene.rendering);
@@ -99,50 +121,57 @@ impl<'a> Raycaster<'a> {
             return (color, alpha);
         }
         let index_from_world = self.input.grid.index_from_world();
-        let first = first_sample(interval.enter, self.step);
-        // Counted, because adding 1 to a huge k would not end.
-        let most_samples = ((interval.exit - interval.enter) / self.step).ceil() as u64;
-        for n in 0..=most_samples {
-            let t = (first + n as f64 + 0.5) * self.step;
-            if t >= interval.exit || alpha > OPAQUE {
+        let at = |t: f64| index_from_world.transform_point3(ray.origin + ray.direction * t);
+        let mut near: Option<(f64, f64)> = None;
+        for far_t in sample_places(interval, self.step) {
+            let far = (far_t, self.value(at(far_t)));
+            let Some((near_t, near_value)) = near.replace(far) else { continue };
+            let steps = (far_t - near_t) / self.step;
+            let depth = steps * self.depth.mean(near_value, far.1);
+            if depth == 0.0 {
+                continue;
+            }
+            let share = self.depth.half_way(near_value, far.1, steps);
+            let value = near_value + (far.1 - near_value) * share;
+            let lit = self.lit(value, at(near_t + (far_t - near_t) * share), ray.direction);
+            let weight = (1.0 - alpha) * -(-depth).exp_m1();
+            color += weight * lit;
+            alpha += weight;
+            if alpha > OPAQUE {
                 break;
             }
-            let index_position = index_from_world.transform_point3(ray.origin + ray.direction * t);
-            let (sample_color, sample_alpha) = self.sample(index_position, ray.direction);
-            color += (1.0 - alpha) * sample_alpha * sample_color;
-            alpha += (1.0 - alpha) * sample_alpha;
         }
         (color, alpha)
     }
 
-    /// Lit colour and opacity over one step; the value is interpolated first and classified then.
-    fn sample(&self, index_position: DVec3, ray_direction: DVec3) -> (DVec3, f64) {
-        let RaycastInput { scene, grid, .. } = self.input;
+    /// Value in the file's units, interpolated between voxel centres.
+    fn value(&self, index_position: DVec3) -> f64 {
         let [lowest, highest] = self.input.code_map.value_range();
-        let value = lowest + (highest - lowest) * self.input.values.trilinear(index_position);
-        let alpha = scene
-            .transfer_function
-            .opacity_over(value, self.step, grid.smallest_spacing());
-        if alpha == 0.0 {
-            return (DVec3::ZERO, 0.0);
-        }
-        let (base, _) = scene.transfer_function.sample(value);
-        let illumination = Illumination {
-            ray_direction,
-            occlusion: self.occlusion(index_position),
-            exposure: self.input.exposure,
-        };
-        let lit = illuminate(base, self.world_normal(index_position), &scene.lighting, &illumination);
-        (DVec3::from_array(lit.0), alpha)
+        lowest + (highest - lowest) * self.input.values.trilinear(index_position)
     }
 
-    /// O' = 1 + strength (A - 1), A interpolated between voxel centres.
-    fn occlusion(&self, index_position: DVec3) -> f64 {
+    /// Colour of a value under the light of a place.
+    fn lit(&self, value: f64, index_position: DVec3, ray_direction: DVec3) -> DVec3 {
+        let RaycastInput { scene, exposure, .. } = self.input;
+        let gradient = self.world_gradient(index_position);
+        let accessibility = self.accessibility(index_position, gradient, -ray_direction);
+        let openness = openness(accessibility, scene.ambient_occlusion.strength, exposure);
+        let illumination = Illumination { ray_direction, openness };
+        let (base, _) = scene.transfer_function.sample(value);
+        DVec3::from_array(illuminate(base, gradient, &scene.lighting, &illumination).0)
+    }
+
+    /// A, interpolated between voxel centres, one smallest spacing in front of a clear surface, and proportionally
+    /// less where the gradient has no clear direction. On the surface itself A falls to nothing within a voxel, and
+    /// a picture would show where in its voxel the surface lies.
+    fn accessibility(&self, index_position: DVec3, gradient: DVec3, to_viewer: DVec3) -> f64 {
         let Some(accessibility) = self.input.accessibility else {
             return 1.0;
         };
-        let a = trilinear_clamped(self.input.grid.dims, index_position, accessibility);
-        1.0 + self.input.scene.ambient_occlusion.strength * (a - 1.0)
+        let grid = self.input.grid;
+        let ahead = facing_normal(gradient, to_viewer) * (clearness(gradient) * IN_FRONT * grid.smallest_spacing());
+        let in_front = index_position + grid.index_from_world().transform_vector3(ahead);
+        trilinear_clamped(grid.dims, in_front, accessibility)
     }
 
     /// Puts premultiplied colour over the background; the answer has straight alpha.

@@ -5,12 +5,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 
 use super::jobs::{self, Job, Work};
 use crate::gpu::GpuOptions;
 use crate::renderer::{
-    AccessibilityVolume, Frame, FrameRequest, MemoryUse, RenderError, Renderer, RendererInfo, Residency,
+    AccessibilityVolume, AoReport, Frame, FrameRequest, MemoryUse, RenderError, Renderer, RendererInfo, Residency,
 };
 use crate::scene::Scene;
 use crate::volume::{Volume, VolumeId};
@@ -18,6 +18,9 @@ use crate::volume::{Volume, VolumeId};
 /// Jobs that may wait. More than this many pictures ahead of one in line is seconds of delay even on a
 /// fast adapter: better to say "busy" at once.
 const WAITING_JOBS: usize = 64;
+
+/// Group of jobs that belong to no stream.
+const SINGLE_JOBS: &str = "";
 
 /// State that the render thread publishes and handles read without asking it.
 #[derive(Debug)]
@@ -104,12 +107,34 @@ impl RenderHandle {
         self.ask(|reply| Work::RemoveVolume { id, reply }).await
     }
 
-    /// Draws one exact picture.
+    /// Draws one picture, in turn with all other single pictures.
     ///
     /// # Errors
     /// Any [`RenderError`] of this picture.
     pub async fn render(&self, request: FrameRequest) -> Result<Frame, RenderError> {
-        self.ask(|reply| Work::Frame { request, reply }).await
+        self.render_in(SINGLE_JOBS, request).await
+    }
+
+    /// Draws one picture of a stream. Groups take turns, whatever the number of jobs in them.
+    ///
+    /// # Errors
+    /// Any [`RenderError`] of this picture.
+    pub async fn render_in(&self, group: &str, request: FrameRequest) -> Result<Frame, RenderError> {
+        self.ask_in(group, |reply| Work::Frame { request, reply }).await
+    }
+
+    /// Computes the ambient occlusion of a scene ahead of its pictures; `progress` gets the share that is done.
+    /// Dropping the future ends the work unless somebody else waits for it too.
+    ///
+    /// # Errors
+    /// Any [`RenderError`] of this job.
+    pub async fn prepare_in(
+        &self,
+        group: &str,
+        scene: Arc<Scene>,
+        progress: watch::Sender<f64>,
+    ) -> Result<AoReport, RenderError> {
+        self.ask_in(group, |reply| Work::Prepare { scene, progress, reply }).await
     }
 
     /// The accessibility volume of a scene's ambient-occlusion settings.
@@ -124,8 +149,16 @@ impl RenderHandle {
         &self,
         work: impl FnOnce(oneshot::Sender<Result<T, RenderError>>) -> Work,
     ) -> Result<T, RenderError> {
+        self.ask_in(SINGLE_JOBS, work).await
+    }
+
+    async fn ask_in<T>(
+        &self,
+        group: &str,
+        work: impl FnOnce(oneshot::Sender<Result<T, RenderError>>) -> Work,
+    ) -> Result<T, RenderError> {
         let (reply, answer) = oneshot::channel();
-        let job = Job { work: work(reply), submitted: Instant::now() };
+        let job = Job { work: work(reply), group: group.into(), submitted: Instant::now() };
         self.jobs.try_send(job).map_err(|e| match e {
             mpsc::error::TrySendError::Full(_) => RenderError::Busy,
             mpsc::error::TrySendError::Closed(_) => RenderError::Gone,

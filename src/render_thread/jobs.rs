@@ -1,22 +1,23 @@
 //! The render thread's loop: jobs take turns, one slice of work each.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 
 use super::handle::Published;
+use super::turns::Turns;
 use crate::renderer::{
-    AccessibilityJob, AccessibilityVolume, Frame, FrameJob, FrameRequest, RenderError, Renderer, Residency, Turn,
+    AccessibilityJob, AccessibilityVolume, AoReport, Frame, FrameJob, FrameRequest, PrepareJob, RenderError, Renderer, Residency, Turn,
     UploadJob,
 };
 use crate::scene::Scene;
 use crate::volume::{Volume, VolumeId};
 
-/// Jobs that take turns. More would only make each of them slower; the others wait in the channel.
-const ACTIVE_JOBS: usize = 8;
+/// Jobs that take turns; the others wait in the channel. Enough for a job of every group on a busy server, few
+/// enough that their scratch memory stays bounded.
+const ACTIVE_JOBS: usize = 32;
 
 type Reply<T> = oneshot::Sender<Result<T, RenderError>>;
 
@@ -27,12 +28,14 @@ pub(super) enum Work {
     RemoveVolume { id: VolumeId, reply: Reply<()> },
     Frame { request: FrameRequest, reply: Reply<Frame> },
     Accessibility { scene: Arc<Scene>, reply: Reply<AccessibilityVolume> },
+    Prepare { scene: Arc<Scene>, progress: watch::Sender<f64>, reply: Reply<AoReport> },
 }
 
 /// A request and when it was made.
 #[derive(Debug)]
 pub(super) struct Job {
     pub(super) work: Work,
+    pub(super) group: Arc<str>,
     pub(super) submitted: Instant,
 }
 
@@ -41,22 +44,25 @@ enum Active {
     Upload(UploadJob, Reply<Residency>),
     Frame(FrameJob, Reply<Frame>, Duration),
     Accessibility(AccessibilityJob, Reply<AccessibilityVolume>, Duration),
+    Prepare(PrepareJob, watch::Sender<f64>, Reply<AoReport>),
 }
 
 /// Serves jobs until every handle is dropped, or the device is lost.
 pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, published: &Published) {
-    let mut active: VecDeque<Active> = VecDeque::new();
+    let mut turns = Turns::default();
     loop {
-        if active.is_empty() {
+        if turns.is_empty() {
             let Some(job) = jobs.blocking_recv() else { return };
-            active.extend(begin(job, &mut renderer));
+            begin(job, &mut renderer, &mut turns);
         }
-        while active.len() < ACTIVE_JOBS {
+        while turns.len() < ACTIVE_JOBS {
             let Ok(job) = jobs.try_recv() else { break };
-            active.extend(begin(job, &mut renderer));
+            begin(job, &mut renderer, &mut turns);
         }
-        if let Some(job) = active.pop_front() {
-            active.extend(take_turn(job, &mut renderer));
+        if let Some((group, job)) = turns.pop()
+            && let Some(unfinished) = take_turn(job, &mut renderer)
+        {
+            turns.push(group, unfinished);
         }
         *published.memory.lock().unwrap_or_else(PoisonError::into_inner) = renderer.memory();
         if renderer.is_lost() {
@@ -67,20 +73,20 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
     }
 }
 
-fn begin(job: Job, renderer: &mut Renderer) -> Option<Active> {
+fn begin(job: Job, renderer: &mut Renderer, turns: &mut Turns<Active>) {
     let waited = job.submitted.elapsed();
-    match job.work {
-        Work::AddVolume { id, volume, reply } => Some(Active::Upload(UploadJob::new(id, volume), reply)),
+    let active = match job.work {
+        Work::AddVolume { id, volume, reply } => Active::Upload(UploadJob::new(id, volume), reply),
         Work::RemoveVolume { id, reply } => {
             renderer.remove_volume(&id);
             let _ = reply.send(Ok(()));
-            None
+            return;
         }
-        Work::Frame { request, reply } => Some(Active::Frame(FrameJob::new(request), reply, waited)),
-        Work::Accessibility { scene, reply } => {
-            Some(Active::Accessibility(AccessibilityJob::new(scene), reply, waited))
-        }
-    }
+        Work::Frame { request, reply } => Active::Frame(FrameJob::new(request), reply, waited),
+        Work::Accessibility { scene, reply } => Active::Accessibility(AccessibilityJob::new(scene), reply, waited),
+        Work::Prepare { scene, progress, reply } => Active::Prepare(PrepareJob::new(scene), progress, reply),
+    };
+    turns.push(job.group, active);
 }
 
 /// Advances a job; gives it back if it needs more turns and its client still waits.
@@ -111,7 +117,16 @@ fn take_turn(job: Active, renderer: &mut Renderer) -> Option<Active> {
             }
             Err(error) => drop(reply.send(Err(error))),
         },
-        Active::Frame(..) | Active::Accessibility(..) => {}
+        Active::Prepare(mut job, progress, reply) if !reply.is_closed() => match job.advance(renderer) {
+            Ok(Turn::Pending(fraction)) => {
+                progress.send_replace(fraction);
+                return Some(Active::Prepare(job, progress, reply));
+            }
+            Ok(Turn::Done(report)) => drop(reply.send(Ok(report))),
+            Err(error) => drop(reply.send(Err(error))),
+        },
+        // Whoever asked has left.
+        Active::Frame(..) | Active::Accessibility(..) | Active::Prepare(..) => {}
     }
     None
 }

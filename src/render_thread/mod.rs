@@ -5,5 +5,7 @@
 
 mod handle;
 mod jobs;
+mod turns;
 
 pub use handle::{RenderHandle, RenderThread};
+pub use turns::Turns;

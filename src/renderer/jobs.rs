@@ -8,13 +8,13 @@ use std::time::{Duration, Instant};
 use super::exposure::exposure;
 use super::raycast::{depth_prefix, raycast_params};
 use super::request::{
-    AccessibilityVolume, AoReport, AoUpdate, Frame, FrameRequest, RenderError, Residency, StageTimings,
+    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, RenderError, Residency, StageTimings,
 };
 use super::resident::{ResidentVolume, Upload};
 use super::work::{Ao, Renderer, Turn};
 use crate::ao::{Accessibility, AoBuild, AoKey};
 use crate::gpu::{Binding, Category, Gpu, GpuError, GpuTexture, Recorder};
-use crate::scene::Scene;
+use crate::scene::{AoMethod, Scene};
 use crate::volume::{Volume, VolumeId};
 
 /// A volume on its way to the GPU.
@@ -79,8 +79,8 @@ impl AoProgress {
         let begin = Instant::now();
         if self.build.is_none() {
             match renderer.ao(resident, scene)? {
-                Ao::Off => return Ok(self.done(None, AoUpdate::Off)),
-                Ao::Ready(result) => return Ok(self.done(Some(result), AoUpdate::Cached)),
+                Ao::Off => return Ok(self.done(resident, None, AoUpdate::Off)),
+                Ao::Ready(result) => return Ok(self.done(resident, Some(result), AoUpdate::Cached)),
                 Ao::Building(key, build) => self.build = Some((key, build)),
             }
             self.started = true;
@@ -99,13 +99,48 @@ impl AoProgress {
             self.build = None;
             return Ok(Turn::Pending(0.0));
         };
-        Ok(self.done(Some(result), AoUpdate::Full))
+        Ok(self.done(resident, Some(result), AoUpdate::Full))
     }
 
-    fn done(&self, result: Option<Rc<Accessibility>>, update: AoUpdate) -> Turn<Finished> {
-        let update = if self.started { AoUpdate::Full } else { update };
-        Turn::Done((result, AoReport { update, elapsed: self.elapsed }))
+    fn done(&self, resident: &ResidentVolume, result: Option<Rc<Accessibility>>, update: AoUpdate) -> Turn<Finished> {
+        let computed = self.started;
+        let bricks = resident.brick_ranges.ranges.len() as u64;
+        let report = AoReport {
+            state: if result.is_some() { AoState::Exact } else { AoState::Off },
+            update: if computed { AoUpdate::Full } else { update },
+            version: result.as_ref().map_or(0, |r| r.version),
+            bricks,
+            bricks_classified: if computed { bricks } else { 0 },
+            bricks_recomputed: if computed { bricks } else { 0 },
+            elapsed: self.elapsed,
+        };
+        Turn::Done((result, report))
     }
+}
+
+/// What can be used at once, exact or not.
+fn at_hand(renderer: &mut Renderer, resident: &ResidentVolume, scene: &Scene) -> Finished {
+    let (result, exact) = match scene.ambient_occlusion.method {
+        AoMethod::Off => (None, true),
+        AoMethod::Spao | AoMethod::Raytraced => renderer.ao_at_hand(resident, scene),
+    };
+    let off = scene.ambient_occlusion.method == AoMethod::Off;
+    let report = AoReport {
+        state: if off {
+            AoState::Off
+        } else if exact {
+            AoState::Exact
+        } else {
+            AoState::Refining
+        },
+        update: if result.is_some() { AoUpdate::Cached } else { AoUpdate::Off },
+        version: result.as_ref().map_or(0, |r| r.version),
+        bricks: resident.brick_ranges.ranges.len() as u64,
+        bricks_classified: 0,
+        bricks_recomputed: 0,
+        elapsed: Duration::ZERO,
+    };
+    (result, report)
 }
 
 /// One picture.
@@ -131,9 +166,12 @@ impl FrameJob {
             Some(resident) => resident.clone(),
             None => self.resident.insert(renderer.resident(&self.request.scene.volume)?).clone(),
         };
-        let (accessibility, ao) = match self.ao.advance(renderer, &resident, &self.request.scene)? {
-            Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
-            Turn::Done(done) => done,
+        let (accessibility, ao) = match self.request.ao_policy {
+            AoPolicy::AtHand => at_hand(renderer, &resident, &self.request.scene),
+            AoPolicy::Exact => match self.ao.advance(renderer, &resident, &self.request.scene)? {
+                Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
+                Turn::Done(done) => done,
+            },
         };
         let result = draw(renderer, &resident, &self.request, accessibility.as_deref(), ao);
         renderer.with_resident(result).map(Turn::Done)
@@ -149,7 +187,7 @@ fn draw(
     ao: AoReport,
 ) -> Result<Frame, GpuError> {
     let (gpu, stages) = (&renderer.gpu, &renderer.stages);
-    let FrameRequest { scene, width, height } = request;
+    let FrameRequest { scene, width, height, .. } = request;
     let begin = Instant::now();
     let table = Renderer::transfer_table(resident, scene);
     let distance = Renderer::occupancy(resident, &table);
@@ -189,6 +227,36 @@ fn draw(
             StageTimings { queue: Duration::ZERO, ao: ao.elapsed, raycast, readback: begin.elapsed() - raycast };
         Ok(Frame { width: *width, height: *height, rgba, timings, ao })
     })
+}
+
+/// A scene's ambient occlusion, so that its next exact picture need not wait for it.
+#[derive(Debug)]
+pub struct PrepareJob {
+    scene: Arc<Scene>,
+    resident: Option<Rc<ResidentVolume>>,
+    ao: AoProgress,
+}
+
+impl PrepareJob {
+    /// Nothing is done yet.
+    pub fn new(scene: Arc<Scene>) -> Self {
+        Self { scene, resident: None, ao: AoProgress::new() }
+    }
+
+    /// Does a slice of the work.
+    ///
+    /// # Errors
+    /// Any [`RenderError`] of this job.
+    pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<AoReport>, RenderError> {
+        let resident = match &self.resident {
+            Some(resident) => resident.clone(),
+            None => self.resident.insert(renderer.resident(&self.scene.volume)?).clone(),
+        };
+        Ok(match self.ao.advance(renderer, &resident, &self.scene)? {
+            Turn::Pending(fraction) => Turn::Pending(fraction),
+            Turn::Done((_, report)) => Turn::Done(report),
+        })
+    }
 }
 
 /// A download of accessibility.

@@ -12,11 +12,11 @@ mod resident;
 mod work;
 
 pub use exposure::{Exposure, exposure};
-pub use jobs::{AccessibilityJob, FrameJob, UploadJob};
+pub use jobs::{AccessibilityJob, FrameJob, PrepareJob, UploadJob};
 pub use occupancy::{BRICK, brick_distance};
 pub use raycast::{GradientParams, Light, RaycastParams};
 pub use request::{
-    AccessibilityVolume, AoReport, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency,
+    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency,
     StageTimings,
 };
 pub use work::{Renderer, Turn};

@@ -9,6 +9,16 @@ use thiserror::Error;
 use crate::scene::Scene;
 use crate::volume::VolumeId;
 
+/// Which accessibility a picture may use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AoPolicy {
+    /// Exactly what the scene asks for; it is computed first where it is missing.
+    #[default]
+    Exact,
+    /// What is at hand: an earlier one of the same volume, or none. Nothing is computed.
+    AtHand,
+}
+
 /// One picture of one scene.
 #[derive(Clone, Debug)]
 pub struct FrameRequest {
@@ -18,6 +28,8 @@ pub struct FrameRequest {
     pub width: u32,
     /// Pixels down, at least 1.
     pub height: u32,
+    /// Which accessibility may be used.
+    pub ao_policy: AoPolicy,
 }
 
 /// A finished picture.
@@ -59,11 +71,32 @@ pub enum AoUpdate {
     Full,
 }
 
+/// How the accessibility of a picture relates to what its scene asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AoState {
+    /// Ambient occlusion is off.
+    Off,
+    /// It is what the scene asks for.
+    Exact,
+    /// It is older, or missing; what the scene asks for has not been computed yet.
+    Refining,
+}
+
 /// Ambient-occlusion part of a picture's ledger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AoReport {
-    /// What was done.
+    /// How it relates to what the scene asks for.
+    pub state: AoState,
+    /// What was done for this picture.
     pub update: AoUpdate,
+    /// Number of the accessibility volume in the order of completion, from 1; 0 without one.
+    pub version: u64,
+    /// Bricks of 8^3 voxels that the volume has.
+    pub bricks: u64,
+    /// Bricks whose opacity was looked up again for this picture.
+    pub bricks_classified: u64,
+    /// Bricks whose accessibility was computed again for this picture.
+    pub bricks_recomputed: u64,
     /// Time it took.
     pub elapsed: Duration,
 }

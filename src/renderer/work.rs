@@ -35,6 +35,7 @@ pub struct Renderer {
     ao_cache: AoCache,
     /// Builds under way, owned by the jobs that wait for them: a build that nobody wants ends at once.
     ao_builds: HashMap<AoKey, Weak<RefCell<AoBuild>>>,
+    ao_versions: u64,
 }
 
 /// Compiled passes.
@@ -76,6 +77,7 @@ impl Renderer {
             volumes: BTreeMap::new(),
             ao_cache: AoCache::default(),
             ao_builds: HashMap::new(),
+            ao_versions: 0,
         })
     }
 
@@ -178,8 +180,7 @@ impl Renderer {
         if scene.ambient_occlusion.method == AoMethod::Off {
             return Ok(Ao::Off);
         }
-        let source = self.ao_source(resident, scene);
-        let key = AoKey::new(&scene.volume, &source.opacity_table, &scene.ambient_occlusion);
+        let key = AoKey::new(&scene.volume, &Self::ao_opacity_table(resident, scene), &scene.ambient_occlusion);
         if let Some(accessibility) = self.ao_cache.get(&key) {
             return Ok(Ao::Ready(accessibility));
         }
@@ -187,6 +188,7 @@ impl Renderer {
         if let Some(build) = under_way.filter(|build| !build.borrow().has_failed()) {
             return Ok(Ao::Building(key, build));
         }
+        let source = self.ao_source(resident, scene);
         let build = loop {
             match AoBuild::new(&self.gpu, source.clone(), scene.ambient_occlusion) {
                 Err(GpuError::OutOfMemory { .. }) if self.ao_cache.evict_one() => {}
@@ -199,6 +201,21 @@ impl Renderer {
         Ok(Ao::Building(key, build))
     }
 
+    /// What is at hand for a scene without computing anything, and whether it is what the scene asks for.
+    pub(super) fn ao_at_hand(&mut self, resident: &ResidentVolume, scene: &Scene) -> (Option<Rc<Accessibility>>, bool) {
+        let table = Self::ao_opacity_table(resident, scene);
+        let key = AoKey::new(&scene.volume, &table, &scene.ambient_occlusion);
+        match self.ao_cache.get(&key) {
+            Some(exact) => (Some(exact), true),
+            None => (self.ao_cache.latest_of(&scene.volume), false),
+        }
+    }
+
+    fn ao_opacity_table(resident: &ResidentVolume, scene: &Scene) -> Vec<u16> {
+        let volume = &resident.volume;
+        opacity_table(&scene.transfer_function, &volume.code_map, volume.grid.smallest_spacing())
+    }
+
     /// Takes the result of a finished build; any job that waits for it may be the first to come.
     pub(super) fn finish_ao(
         &mut self,
@@ -209,8 +226,9 @@ impl Renderer {
             return Ok(Some(accessibility));
         }
         self.ao_builds.remove(key);
-        let finished = build.borrow_mut().finish(&self.gpu);
+        let finished = build.borrow_mut().finish(&self.gpu, self.ao_versions + 1);
         let Some(accessibility) = self.with_resident(finished)?.map(Rc::new) else { return Ok(None) };
+        self.ao_versions += 1;
         // A volume that was removed meanwhile has no further use for it.
         if self.volumes.contains_key(key.volume()) {
             self.ao_cache.insert(key.clone(), accessibility.clone());
@@ -246,7 +264,6 @@ impl Renderer {
 
     fn ao_source(&self, resident: &ResidentVolume, scene: &Scene) -> AoSource {
         let volume = &resident.volume;
-        let spacing = volume.grid.smallest_spacing();
         let brick_distance = match scene.ambient_occlusion.method {
             AoMethod::Raytraced => Self::occupancy(resident, &Self::transfer_table(resident, scene)),
             AoMethod::Off | AoMethod::Spao => Vec::new(),
@@ -255,7 +272,7 @@ impl Renderer {
             values: resident.values.clone(),
             code_scale: resident.code_scale,
             max_code: volume.code_map.max_code,
-            opacity_table: Rc::new(opacity_table(&scene.transfer_function, &volume.code_map, spacing)),
+            opacity_table: Rc::new(Self::ao_opacity_table(resident, scene)),
             brick_distance: Rc::new(brick_distance),
             bricks: resident.brick_ranges.dims,
         }

@@ -66,6 +66,19 @@ impl SceneHistory {
         self.revision
     }
 
+    /// Makes another scene the current one without a step of its own: undo goes back to before the last change, of
+    /// which this one is a part (a slider that is still being dragged). Otherwise as [`SceneHistory::replace`].
+    pub fn amend(&mut self, scene: Scene) -> u64 {
+        if self.undo.is_empty() {
+            return self.replace(scene);
+        }
+        if scene != *self.scene {
+            self.redo.clear();
+            self.advance(Arc::new(scene));
+        }
+        self.revision
+    }
+
     /// Goes back one change and returns the new revision.
     ///
     /// # Errors

@@ -11,6 +11,7 @@ mod document;
 mod error;
 mod framing;
 mod history;
+mod merge_patch;
 mod presets;
 mod settings;
 mod transfer_function;
@@ -22,6 +23,7 @@ pub use document::{HistogramView, MAX_CLIP_PLANES, MAX_POINTS, SceneDocument, Vo
 pub use error::{SceneError, SceneErrorKind};
 pub use framing::{DEFAULT_FOV_Y_DEG, framed_camera, framed_camera_with_fov, framed_height};
 pub use history::{HistoryError, SceneHistory};
+pub use merge_patch::merge_patch_between;
 pub use presets::{Preset, PresetPoint, PresetUnits, preset, presets};
 pub use settings::{
     AmbientOcclusion, AoMethod, AoStructure, ClipBox, ClipPlane, Lighting, Radius, RenderMode, Rendering, Rgb, Rgba,
@@ -49,4 +51,19 @@ pub struct Scene {
     pub rendering: Rendering,
     /// Picture size unless a request names one.
     pub viewport: Viewport,
+}
+
+impl Scene {
+    /// Whether both scenes have the same accessibility volume: the same volume, opacities and settings that
+    /// ambient occlusion is computed from. Colours, camera, light and `strength` do not matter.
+    pub fn same_occlusion(&self, other: &Self) -> bool {
+        let settings = |scene: &Self| AmbientOcclusion { strength: 1.0, ..scene.ambient_occlusion };
+        let opacities = |scene: &Self| -> Vec<[f64; 2]> {
+            scene.transfer_function.points.iter().map(|p| [p.value, p.opacity]).collect()
+        };
+        self.volume == other.volume
+            && settings(self) == settings(other)
+            && self.transfer_function.opacity_unit_distance == other.transfer_function.opacity_unit_distance
+            && opacities(self) == opacities(other)
+    }
 }

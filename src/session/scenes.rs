@@ -41,6 +41,8 @@ pub enum SceneChange<'a> {
     Replace(&'a Value),
     /// A JSON Merge Patch (RFC 7396).
     Patch(&'a Value),
+    /// A merge patch that continues the last change: undo takes both back at once.
+    Amend(&'a Value),
     /// One change back.
     Undo,
     /// One undo back.
@@ -65,6 +67,9 @@ struct State {
 }
 
 impl SceneEntry {
+    /// Told in place of a revision when the scene is deleted.
+    pub const DELETED: u64 = u64::MAX;
+
     // A panic under the lock leaves the state as it was: changes are assigned last.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -75,7 +80,12 @@ impl SceneEntry {
         self.snapshot_of(&self.lock())
     }
 
-    /// Tells every new revision.
+    /// Its name in URLs.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Tells every new revision; [`SceneEntry::DELETED`] is the last.
     pub fn watch(&self) -> watch::Receiver<u64> {
         self.revision.subscribe()
     }
@@ -106,9 +116,13 @@ impl SceneEntry {
                 history.replace(scene);
                 lease
             }
-            SceneChange::Patch(patch) => {
+            SceneChange::Patch(patch) | SceneChange::Amend(patch) => {
                 let (scene, lease) = complete(&history.scene().patched_document(patch)?, volumes)?;
-                history.replace(scene);
+                if matches!(change, SceneChange::Amend(_)) {
+                    history.amend(scene);
+                } else {
+                    history.replace(scene);
+                }
                 lease
             }
             SceneChange::Undo | SceneChange::Redo => {
@@ -190,6 +204,14 @@ impl SceneStore {
     /// # Errors
     /// `too_many`, `volume_not_found`, or what is wrong with the document.
     pub fn create(&self, json: &Value) -> Result<SceneSnapshot, ApiError> {
+        self.create_as(format!("s_{}", random_hex()), json)
+    }
+
+    /// As [`SceneStore::create`], under an id that is not taken.
+    ///
+    /// # Errors
+    /// As [`SceneStore::create`].
+    pub fn create_as(&self, id: String, json: &Value) -> Result<SceneSnapshot, ApiError> {
         let (scene, lease) = complete(&SceneDocument::from_json(json)?, &self.volumes)?;
         let mut inner = self.lock();
         if inner.scenes.len() >= self.max_scenes {
@@ -199,7 +221,7 @@ impl SceneStore {
         inner.sequence += 1;
         let history = SceneHistory::new(scene);
         let entry = Arc::new(SceneEntry {
-            id: format!("s_{}", random_hex()),
+            id,
             sequence: inner.sequence,
             revision: watch::Sender::new(history.revision()),
             state: Mutex::new(State { history, _lease: lease }),
@@ -231,7 +253,9 @@ impl SceneStore {
         if !allowed(revision) {
             return Err(revision_mismatch(revision));
         }
-        inner.scenes.remove(id);
+        if let Some(entry) = inner.scenes.remove(id) {
+            entry.revision.send_replace(SceneEntry::DELETED);
+        }
         Ok(())
     }
 

@@ -2,11 +2,13 @@
 
 mod ao_raytraced;
 mod ao_spao;
+mod ao_surface;
 mod box_mean;
 mod fields;
 mod mipmap;
 mod ray_setup;
 mod raycast;
 mod raycast_geometry;
+mod segment;
 mod shading;
 mod support;

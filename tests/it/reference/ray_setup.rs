@@ -1,7 +1,7 @@
 //! Rays through pixels and the intervals on which they see the volume.
 
 use glam::DVec3;
-use spao_server::reference::{Interval, Ray, first_sample, pixel_ray, visible_interval};
+use spao_server::reference::{Interval, Ray, pixel_ray, sample_places, visible_interval};
 use spao_server::scene::{Camera, ClipBox, ClipPlane, Projection, RenderMode, Rendering, Rgba};
 use spao_server::volume::Grid;
 
@@ -147,10 +147,23 @@ fn rays_go_through_pixel_centres_with_y_from_the_top() {
     );
 }
 
+fn places(enter: f64, exit: f64, step: f64) -> Vec<f64> {
+    sample_places(Interval { enter, exit }, step).collect()
+}
+
 #[test]
-fn samples_are_counted_from_the_eye() {
-    assert_eq!(first_sample(0.0, 0.5), 0.0);
-    assert_eq!(first_sample(0.25, 0.5), 0.0);
-    assert_eq!(first_sample(0.26, 0.5), 1.0);
-    assert_eq!(first_sample(10.0, 0.5), 20.0);
+fn samples_lie_at_multiples_of_the_step_from_the_eye_and_at_both_ends() {
+    assert_eq!(places(0.25, 1.75, 0.5), [0.25, 0.5, 1.0, 1.5, 1.75]);
+    assert_eq!(places(0.0, 1.2, 0.5), [0.0, 0.5, 1.0, 1.2]);
+    assert_eq!(places(10.0, 11.0, 0.5), [10.0, 10.5, 11.0]);
+    assert_eq!(places(10.1, 10.2, 0.5), [10.1, 10.2]);
+    // Moving the entry takes samples away and moves no other.
+    assert_eq!(places(0.9, 1.75, 0.5)[1..], places(0.25, 1.75, 0.5)[2..]);
+}
+
+#[test]
+fn an_eye_so_far_away_that_steps_vanish_in_rounding_still_gets_a_finite_number_of_samples() {
+    let places = places(1e17, 1e17 + 64.0, 1.0);
+    assert!(places.len() <= 65 && places.is_sorted(), "{places:?}");
+    assert_eq!((places[0], places[places.len() - 1]), (1e17, 1e17 + 64.0));
 }

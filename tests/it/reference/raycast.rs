@@ -1,7 +1,7 @@
 //! Compositing: opacity, background, clipping, occlusion and sampling.
 
 use glam::DVec3;
-use spao_server::reference::{RaycastInput, Raycaster, ValueField};
+use spao_server::reference::{Exposure, RaycastInput, Raycaster, ValueField};
 use spao_server::scene::{
     Camera, ClipBox, ClipPlane, ControlPoint, Lighting, Projection, RenderMode, Rendering, Rgb, Rgba, Scene,
     TransferFunction, Viewport,
@@ -87,7 +87,7 @@ impl Slab {
             code_map: &self.code_map,
             scene,
             accessibility: None,
-            exposure: 1.0,
+            exposure: Exposure::NONE,
             width: 8,
             height: 8,
         }
@@ -115,7 +115,7 @@ fn a_uniform_slab_has_the_opacity_of_its_thickness_at_any_sampling_rate() {
     let slab = Slab::new();
     let mut scene = slab.scene(0.1);
     let expected = 1.0 - 0.9_f64.powi(10);
-    for rate in [0.5, 1.0, 2.0, 5.0] {
+    for rate in [0.1, 0.37, 0.5, 1.0, 2.0, 5.0] {
         scene.rendering.sampling_rate = rate;
         assert_pixel(slab.pixel(&scene), [0.9, 0.5, 0.1, expected]);
     }
@@ -131,7 +131,6 @@ fn a_slanted_ray_through_a_slab_goes_a_longer_way() {
     let direction = DVec3::new(0.0, 0.6, -0.8);
     scene.camera.eye = target - direction * 60.0;
     scene.camera.projection = Projection::Perspective { fov_y_deg: 10.0 };
-    scene.rendering.sampling_rate = 8.0;
     // The middle ray leaves 8 voxels of y after 8 / 0.6 and 10 of z after 10 / 0.8 voxels.
     let input = RaycastInput {
         width: 1,
@@ -139,7 +138,7 @@ fn a_slanted_ray_through_a_slab_goes_a_longer_way() {
         ..slab.input(&scene)
     };
     let alpha = Raycaster::new(input).pixel(0, 0)[3];
-    assert_close(alpha, 1.0 - 0.95_f64.powf(12.5), 0.95_f64.powf(12.5) * 0.05 / 8.0);
+    assert_close(alpha, 1.0 - 0.95_f64.powf(12.5), 1e-12);
 }
 
 #[test]
@@ -168,15 +167,16 @@ fn an_opaque_volume_hides_what_is_behind_and_ends_the_ray() {
     let slab = Slab::new();
     let mut scene = slab.scene(1.0);
     scene.rendering.background = Rgba([0.0, 1.0, 0.0, 1.0]);
-    assert_pixel(slab.pixel(&scene), [0.9, 0.5, 0.1, 1.0]);
+    // The upper face is 95.3 away from the eye plane, so the first segment is 0.7 steps long and the next ones 1.
+    let over_green = |alpha: f64| [alpha * 0.9, alpha * 0.5 + 1.0 - alpha, alpha * 0.1, 1.0];
+    assert_pixel(slab.pixel(&scene), over_green(1.0 - (-0.7 * 20.0_f64).exp()));
     scene.transfer_function.points[0].opacity = 0.99;
-    let after_two = 1.0 - 0.01_f64.powi(2);
-    let expected = [after_two * 0.9, after_two * 0.5 + 1.0 - after_two, after_two * 0.1, 1.0];
-    assert_pixel(slab.pixel(&scene), expected);
+    // 0.96 is not the end yet, 0.9996 is.
+    assert_pixel(slab.pixel(&scene), over_green(1.0 - 0.01_f64.powf(1.7)));
 }
 
 #[test]
-fn clipping_removes_samples_and_moves_none() {
+fn clipping_removes_exactly_what_is_clipped() {
     let slab = Slab::new();
     let transmittance = |rendering: Rendering| {
         let scene = Scene {
@@ -186,7 +186,7 @@ fn clipping_removes_samples_and_moves_none() {
         1.0 - slab.pixel(&scene)[3]
     };
     let none = slab.scene(0.1).rendering;
-    // The slab's z is -0.5..9.5; eye and samples lie at 104.8 - (k + 1/2).
+    // The slab's z is -0.5..9.5.
     let below = |z: f64| Rendering {
         clip_box: Some(ClipBox {
             min: DVec3::splat(-100.0),
@@ -201,18 +201,16 @@ fn clipping_removes_samples_and_moves_none() {
         }],
         ..none.clone()
     };
-    for z in [2.2, 3.31, 5.05, 7.7] {
-        let parts = transmittance(below(z)) * transmittance(above(z));
-        assert_close(parts, transmittance(none.clone()), 1e-12);
+    for z in [2.2, 3.31, 4.8, 5.05, 7.7] {
+        assert_close(transmittance(below(z)), 0.9_f64.powf(z + 0.5), 1e-12);
+        assert_close(transmittance(above(z)), 0.9_f64.powf(9.5 - z), 1e-12);
     }
-    assert_close(transmittance(below(3.31)), 0.9_f64.powi(4), 1e-12);
-    assert_close(transmittance(below(3.29)), 0.9_f64.powi(3), 1e-12);
     assert_eq!(transmittance(below(-0.6)), 1.0);
     assert_eq!(transmittance(above(9.6)), 1.0);
 }
 
 #[test]
-fn values_are_interpolated_before_they_are_classified() {
+fn values_are_interpolated_before_they_are_classified_and_run_linearly_between_samples() {
     let dims = [8, 8, 2];
     let grid = Grid::axis_aligned(dims, DVec3::ONE);
     let values = ValueField::from_fn(dims, |[.., k]| f64::from(k));
@@ -224,31 +222,68 @@ fn values_are_interpolated_before_they_are_classified() {
         (60.0, ORANGE, 0.0),
     ];
     let mut scene = flat_scene(&points, from_above(&grid, 8.0));
-    scene.rendering.sampling_rate = 8.0;
     let code_map = CodeMap::for_integers(0.0, 100.0);
+    let mut alpha_at = |rate: f64| {
+        scene.rendering.sampling_rate = rate;
+        let input = RaycastInput {
+            grid: &grid,
+            values: &values,
+            code_map: &code_map,
+            scene: &scene,
+            accessibility: None,
+            exposure: Exposure::NONE,
+            width: 8,
+            height: 8,
+        };
+        Raycaster::new(input).pixel(4, 4)[3]
+    };
+    // Values 40..60 fill a fifth of the voxel between the layers' centres.
+    assert_close(alpha_at(8.0), 1.0 - 0.5_f64.powf(0.2), 1e-12);
+    // Samples at z = 0.8 and -0.2 have the values 80 and 0: a quarter of their segment is within, and no sample is.
+    assert_close(alpha_at(1.0), 1.0 - 0.5_f64.powf(0.25), 1e-12);
+}
+
+/// A stack of 8 x 8 x 10 voxels of 1 x 1 x 2 with v̂ = `slope` k, opaque from z = 11 downwards.
+fn red_of_a_cut_stack(slope: f64, accessibility: &[f64]) -> f64 {
+    let dims = [8, 8, 10];
+    let grid = Grid::axis_aligned(dims, DVec3::new(1.0, 1.0, 2.0));
+    let values = ValueField::from_fn(dims, |[.., k]| slope * f64::from(k));
+    let mut scene = flat_scene(&[(0.0, ORANGE, 1.0)], from_above(&grid, 8.0));
+    scene.rendering.clip_planes = vec![ClipPlane {
+        normal: DVec3::NEG_Z,
+        d: 11.0,
+    }];
     let input = RaycastInput {
         grid: &grid,
         values: &values,
-        code_map: &code_map,
+        code_map: &CodeMap::for_integers(0.0, 100.0),
         scene: &scene,
-        accessibility: None,
-        exposure: 1.0,
+        accessibility: Some(accessibility),
+        exposure: Exposure::NONE,
         width: 8,
         height: 8,
     };
-    // Values 40..60 fill a fifth of a voxel: one or two of eight samples.
-    let alpha = Raycaster::new(input).pixel(4, 4)[3];
-    assert!(
-        alpha > 1.0 - 0.5_f64.powf(0.124) && alpha < 1.0 - 0.5_f64.powf(0.26),
-        "{alpha}"
-    );
+    Raycaster::new(input).pixel(3, 4)[0]
 }
 
 #[test]
-fn accessibility_darkens_by_its_strength_and_is_interpolated() {
+fn a_surface_is_lit_by_the_accessibility_one_smallest_spacing_in_front_of_it() {
+    // A = z / 40 at world z: 2 k / 40 at layer k.
+    let rising: Vec<f64> = (0..640).map(|i| f64::from(i / 64) / 20.0).collect();
+    // Half of what an opaque volume shows lies within ln 2 / 20 below its face.
+    let place = 11.0 - 2.0_f64.ln() / 20.0;
+    let lit_at = |z: f64| 0.9 * z / 40.0;
+    // A change of v̂ of `slope` per 2 world units: the gradient is slope / 2 long.
+    for (slope, lead) in [(0.0, 0.0), (0.01, 0.25), (0.02, 0.5), (0.04, 1.0), (0.1, 1.0), (-0.1, 1.0)] {
+        assert_close(red_of_a_cut_stack(slope, &rising), lit_at(place + lead), 1e-5);
+    }
+}
+
+#[test]
+fn accessibility_darkens_by_its_strength_and_exposure_makes_up_for_it() {
     let slab = Slab::new();
     let mut scene = slab.scene(1.0);
-    let red = |scene: &Scene, accessibility: Option<&[f64]>, exposure: f64| {
+    let red = |scene: &Scene, accessibility: Option<&[f64]>, exposure: Exposure| {
         let input = RaycastInput {
             accessibility,
             exposure,
@@ -257,20 +292,16 @@ fn accessibility_darkens_by_its_strength_and_is_interpolated() {
         Raycaster::new(input).pixel(3, 4)[0]
     };
     let per_layer: Vec<f64> = (0..640).map(|i| if i / 64 == 9 { 0.2 } else { 0.8 }).collect();
-    // The first sample lies 0.3 below the upper face, so beyond the centre of layer 9.
-    assert_close(red(&scene, Some(&per_layer), 1.0), 0.9 * 0.2, 1e-12);
-    // With the upper layer cut away the next sample, 0.8 below, is in force: weights 0.2 and 0.8 of the layers.
-    scene.rendering.clip_planes = vec![ClipPlane {
-        normal: DVec3::NEG_Z,
-        d: 9.1,
-    }];
-    let at_first = red(&scene, Some(&per_layer), 1.0);
-    assert!(at_first > 0.9 * 0.2 && at_first < 0.9 * 0.8, "{at_first}");
+    // Right below the upper face, so beyond the centre of layer 9.
+    assert_close(red(&scene, Some(&per_layer), Exposure::NONE), 0.9 * 0.2, 1e-12);
+    assert_close(red(&scene, Some(&per_layer), Exposure::explicit(3.0)), 0.9 * 0.6, 1e-12);
+    assert_close(red(&scene, Some(&per_layer), Exposure::automatic(0.4)), 0.9 * 0.75, 1e-12);
+    assert_close(red(&scene, Some(&per_layer), Exposure::automatic(0.2)), 0.9, 1e-12);
     scene.ambient_occlusion.strength = 0.5;
-    assert_close(red(&scene, Some(&per_layer), 1.0), 0.5 * (0.9 + at_first), 1e-12);
+    assert_close(red(&scene, Some(&per_layer), Exposure::NONE), 0.9 * 0.6, 1e-12);
     scene.ambient_occlusion.strength = 0.0;
-    assert_close(red(&scene, Some(&per_layer), 1.0), 0.9, 1e-12);
-    assert_close(red(&scene, None, 0.5), 0.45, 1e-12);
+    assert_close(red(&scene, Some(&per_layer), Exposure::NONE), 0.9, 1e-12);
+    assert_close(red(&scene, None, Exposure::explicit(0.5)), 0.45, 1e-12);
 }
 
 #[test]
@@ -303,7 +334,7 @@ fn halving_the_step_keeps_the_picture_and_forgetting_opacity_correction_does_not
             code_map: &code_map,
             scene,
             accessibility: None,
-            exposure: 1.0,
+            exposure: Exposure::NONE,
             width: 24,
             height: 24,
         };

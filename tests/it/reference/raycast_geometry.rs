@@ -1,7 +1,7 @@
 //! Where things appear in the picture, and which way normals point: nothing is flipped or skewed.
 
 use glam::DVec3;
-use spao_server::reference::{RaycastInput, Raycaster, ValueField};
+use spao_server::reference::{Exposure, RaycastInput, Raycaster, ValueField};
 use spao_server::scene::{Camera, Projection, Scene};
 use spao_server::volume::{CodeMap, Grid};
 
@@ -77,7 +77,7 @@ fn input<'a>(grid: &'a Grid, values: &'a ValueField, code_map: &'a CodeMap, scen
         code_map,
         scene,
         accessibility: None,
-        exposure: 1.0,
+        exposure: Exposure::NONE,
         width: WIDTH,
         height: HEIGHT,
     }
@@ -131,7 +131,7 @@ fn one_bright_voxel_appears_where_it_projects_to_and_nowhere_mirrored() {
 }
 
 #[test]
-fn the_world_normal_of_a_ramp_is_its_slope_whatever_the_grid() {
+fn the_world_gradient_of_a_ramp_is_its_slope_whatever_the_grid() {
     let grid = oblique_grid();
     let world_from_index = grid.world_from_index();
     // v̂ changes by 0.01 per world unit along this direction.
@@ -142,9 +142,33 @@ fn the_world_normal_of_a_ramp_is_its_slope_whatever_the_grid() {
     });
     let scene = flat_scene(&[(0.0, [1.0; 3], 1.0)], cameras(&grid)[0].clone());
     let code_map = CodeMap::for_integers(0.0, 100.0);
-    let normal = Raycaster::new(input(&grid, &values, &code_map, &scene)).world_normal(DVec3::new(4.2, 3.3, 2.4));
-    assert!((normal + slope * grid.smallest_spacing()).length() < 1e-12, "{normal}");
-    assert!((normal + slope * grid.spacing.y).length() > 1e-3);
+    let gradient = Raycaster::new(input(&grid, &values, &code_map, &scene)).world_gradient(DVec3::new(4.2, 3.3, 2.4));
+    assert!((gradient - slope * grid.smallest_spacing()).length() < 1e-12, "{gradient}");
+    assert!((gradient - slope * grid.spacing.y).length() > 1e-3);
+}
+
+#[test]
+fn gradients_are_interpolated_as_square_roots_and_have_a_greatest_length() {
+    let code_map = CodeMap::for_integers(0.0, 100.0);
+    let length_at = |grid: &Grid, value: fn(u32) -> f64, z: f64| {
+        let values = ValueField::from_fn(DIMS, |[.., k]| value(k));
+        let scene = flat_scene(&[(0.0, [1.0; 3], 1.0)], cameras(grid)[0].clone());
+        Raycaster::new(input(grid, &values, &code_map, &scene)).world_gradient(DVec3::new(4.5, 3.5, z)).length()
+    };
+    let unit = Grid::axis_aligned(DIMS, DVec3::ONE);
+    // Central differences are 0 at layer 1, 0.05 at layer 2, 0.1 at layer 3.
+    let bend = |k: u32| 0.1 * f64::from(k.max(2) - 2);
+    assert_close(length_at(&unit, bend, 1.5), 0.0, 1e-12);
+    assert_close(length_at(&unit, bend, 2.5), 0.05, 1e-12);
+    assert_close(length_at(&unit, bend, 2.0), 0.05 / 4.0, 1e-12);
+    assert_close(length_at(&unit, bend, 3.0), ((0.05_f64.sqrt() + 0.1_f64.sqrt()) / 2.0).powi(2), 1e-12);
+    // A jump of half the range per voxel along one axis is 0.5 long, and more in a sheared grid, but never too much.
+    let jump = |k: u32| 0.5 * f64::from(k.min(2));
+    assert_close(length_at(&unit, jump, 1.5), 0.5, 1e-12);
+    let mut sheared = unit.clone();
+    sheared.direction[2] = DVec3::new(0.96, 0.0, 0.28);
+    assert_close(length_at(&sheared, jump, 1.5), 0.75_f64.sqrt(), 1e-12);
+    assert_close(length_at(&sheared, bend, 2.5), 0.05 / 0.28, 1e-12);
 }
 
 #[test]

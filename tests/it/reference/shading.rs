@@ -1,7 +1,7 @@
 //! Light on one sample.
 
 use glam::DVec3;
-use spao_server::reference::{Illumination, illuminate};
+use spao_server::reference::{Exposure, Illumination, clearness, facing_normal, illuminate, openness};
 use spao_server::scene::{Lighting, Rgb};
 
 use super::support::assert_close;
@@ -23,14 +23,13 @@ fn lighting() -> Lighting {
 fn illumination() -> Illumination {
     Illumination {
         ray_direction: DVec3::NEG_Z,
-        occlusion: 1.0,
-        exposure: 1.0,
+        openness: 1.0,
     }
 }
 
-/// The first channel of a surface with the given normal.
-fn red(normal: DVec3, lighting: &Lighting) -> f64 {
-    illuminate(BASE, normal, lighting, &illumination()).0[0]
+/// The first channel of a surface with the given gradient.
+fn red(gradient: DVec3, lighting: &Lighting) -> f64 {
+    illuminate(BASE, gradient, lighting, &illumination()).0[0]
 }
 
 #[test]
@@ -107,30 +106,65 @@ fn the_specular_term_has_the_lights_colour_and_needs_light() {
 }
 
 #[test]
-fn occlusion_and_exposure_scale_all_terms_and_the_result_stays_in_range() {
+fn openness_scales_all_terms_and_the_result_stays_in_range() {
     let shiny = Lighting {
         specular: 0.1,
         ..lighting()
     };
-    let with = |occlusion, exposure| {
+    let with = |openness| {
         illuminate(
             BASE,
             DVec3::Z,
             &shiny,
             &Illumination {
-                occlusion,
-                exposure,
+                openness,
                 ..illumination()
             },
         )
         .0
     };
-    let full = with(1.0, 1.0);
+    let full = with(1.0);
     for (c, &base) in BASE.0.iter().enumerate() {
         assert_close(full[c], base * 0.7 + 0.1, 1e-12);
-        assert_close(with(0.25, 1.0)[c], full[c] * 0.25, 1e-12);
-        assert_close(with(0.5, 1.2)[c], full[c] * 0.6, 1e-12);
+        assert_close(with(0.25)[c], full[c] * 0.25, 1e-12);
     }
-    assert_eq!(with(1.0, 16.0), [1.0; 3]);
-    assert_eq!(with(0.0, 16.0), [0.0; 3]);
+    assert_eq!(with(16.0), [1.0; 3]);
+    assert_eq!(with(0.0), [0.0; 3]);
+}
+
+#[test]
+fn explicit_exposure_is_a_factor_on_what_strength_leaves_of_occlusion() {
+    let explicit = |accessibility, strength, factor| openness(accessibility, strength, Exposure::explicit(factor));
+    assert_close(explicit(0.3, 1.0, 1.0), 0.3, 1e-12);
+    assert_close(explicit(0.3, 0.5, 1.0), 0.65, 1e-12);
+    assert_close(explicit(0.3, 0.0, 1.0), 1.0, 1e-12);
+    assert_close(explicit(0.3, 0.5, 4.0), 2.6, 1e-12);
+    assert_eq!(Exposure::NONE, Exposure::explicit(1.0));
+}
+
+#[test]
+fn automatic_exposure_gives_an_open_surface_full_light_and_nothing_more() {
+    let automatic = |accessibility, strength| openness(accessibility, strength, Exposure::automatic(0.25));
+    assert_close(automatic(0.25, 1.0), 1.0, 1e-12);
+    assert_close(automatic(0.9, 1.0), 1.0, 1e-12);
+    assert_close(automatic(0.125, 1.0), 0.75, 1e-12);
+    assert_close(automatic(0.0, 1.0), 0.0, 1e-12);
+    // O' = 0.625 is beyond 0.25.
+    assert_close(automatic(0.25, 0.5), 1.0, 1e-12);
+    assert_close(openness(0.25, 0.5, Exposure::automatic(0.625)), 1.0, 1e-12);
+    // Steepest in the dark: twice the slope of the plain quotient.
+    assert_close(automatic(1e-6, 1.0), 8e-6, 1e-10);
+}
+
+#[test]
+fn normals_and_their_clearness_come_from_the_gradient() {
+    let to_viewer = DVec3::new(0.0, 0.6, 0.8);
+    let normal = DVec3::new(0.6, 0.0, 0.8);
+    assert!((facing_normal(normal * 0.3, to_viewer) - normal).length() < 1e-12);
+    assert!((facing_normal(normal * -0.3, to_viewer) - normal).length() < 1e-12);
+    assert_eq!(facing_normal(DVec3::ZERO, to_viewer).length(), 0.0);
+    assert!(facing_normal(normal * 1e-8, to_viewer).length() < 0.02);
+    for (length, clear) in [(0.0, 0.0), (0.005, 0.25), (0.02, 1.0), (0.8, 1.0)] {
+        assert_close(clearness(normal * length), clear, 1e-12);
+    }
 }

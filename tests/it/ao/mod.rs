@@ -1,0 +1,1 @@
+//! Accessibility: plans and keys, and the GPU against its twin.

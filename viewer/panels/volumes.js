@@ -1,0 +1,90 @@
+/** The volumes of the server: choose, upload, make, delete. */
+
+import { button, segments } from '../controls.js';
+import { formatBytes, formatNumber, h } from '../dom.js';
+import { icon } from '../icons.js';
+import { section } from './section.js';
+
+/** Kinds of `source.procedural`, and what people call them. */
+const PROCEDURAL = {
+  gyroid: 'Gyroid', mandelbulb: 'Mandelbulb', menger: 'Menger sponge', marschner_lobb: 'Marschner–Lobb',
+  cloud: 'Cloud', sphere_flake: 'Sphere flake', boxes: 'Boxes', sphere_on_plane: 'Sphere on a plane',
+};
+
+/**
+ * @typedef {Object} VolumeActions
+ * @property {(volume: any) => void} choose
+ * @property {(files: File[]) => void} uploadFiles
+ * @property {(kind: string, size: number) => void} makeProcedural
+ * @property {(volume: any) => void} remove
+ */
+
+/**
+ * @param {import('../app.js').Context} context
+ * @param {VolumeActions} actions
+ */
+export function volumesPanel({ library, session }, actions) {
+  const list = h('ul', { class: 'volumes' });
+  const refresh = () => list.replaceChildren(...library.volumes.map((volume) => entry(volume, session.volume, actions)));
+  library.on('change', refresh);
+  session.on('volume', refresh);
+  const progress = h('div', { class: 'uploads' });
+  library.on('upload', (row) => progress.append(row));
+  return section('volumes', 'Volumes', { open: true }, h('div', { class: 'stack' }, list, progress,
+    addButtons(actions)));
+}
+
+/** A button for files and a menu of computed volumes; also the empty page has them. @param {VolumeActions} actions */
+export function addButtons(actions) {
+  const picker = h('input', {
+    type: 'file', multiple: true, hidden: true, 'aria-label': 'Volume files',
+    onchange: () => {
+      actions.uploadFiles([...picker.files]);
+      picker.value = '';
+    },
+  });
+  const open = button('', () => picker.click(), { class: 'button with-icon' });
+  open.append(icon('upload'), 'Open file');
+  const menu = proceduralMenu(actions);
+  return h('div', { class: 'row add-volume' }, picker, open, menu);
+}
+
+function proceduralMenu({ makeProcedural }) {
+  let size = 128;
+  const sizes = segments({
+    label: 'Size', options: [64, 128, 256].map((n) => [String(n), `${n}³`]), onInput: (value) => {
+      size = Number(value);
+    },
+  });
+  sizes.set('128');
+  const menu = h('details', { class: 'menu' }, h('summary', { class: 'button' }, 'Procedural'),
+    h('div', { class: 'menu-body' }, sizes.element,
+      ...Object.entries(PROCEDURAL).map(([kind, name]) => button(name, () => {
+        menu.open = false;
+        makeProcedural(kind, size);
+      }, { class: 'menu-item' }))));
+  document.addEventListener('pointerdown', (event) => {
+    if (!menu.contains(/** @type {Node} */ (event.target))) menu.open = false;
+  });
+  menu.addEventListener('keydown', (event) => {
+    if (event.key !== 'Escape' || !menu.open) return;
+    menu.open = false;
+    menu.querySelector('summary').focus();
+  });
+  return menu;
+}
+
+function entry(volume, current, { choose, remove }) {
+  const isCurrent = volume.id === current?.id;
+  const facts = `${volume.dims.join(' × ')} · ${volume.voxel_type} · ${formatBytes(volume.gpu_bytes)}`;
+  const [low, high] = volume.value_range;
+  const pick = h('button', {
+    type: 'button', class: 'volume', 'aria-current': isCurrent ? 'true' : null,
+    title: `Values ${formatNumber(low)} … ${formatNumber(high)}`, onclick: () => choose(volume),
+  }, h('span', { class: 'name' }, volume.name), h('span', { class: 'facts-line' }, facts));
+  const drop = h('button', {
+    type: 'button', class: 'icon-button', 'aria-label': `Delete ${volume.name}`, title: 'Delete from the server',
+    onclick: () => remove(volume),
+  }, icon('trash'));
+  return h('li', { class: isCurrent ? 'current' : null }, pick, drop);
+}

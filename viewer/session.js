@@ -1,0 +1,302 @@
+/**
+ * Which scene is shown, and the connection to it: opens, reconnects, makes a lost scene again, sends what changed
+ * once per animation frame, and confirms what was drawn.
+ */
+
+import { ApiError, api } from './api.js';
+import { Emitter, splitScene } from './store.js';
+import { Stream } from './stream.js';
+
+const FIRST_DELAY = 300;
+const LAST_DELAY = 10_000;
+
+/**
+ * @typedef {'idle' | 'connecting' | 'live' | 'waiting'} Phase
+ * @typedef {{phase: Phase, message?: string, retryAt?: number}} Status
+ */
+
+/**
+ * Emits `status`, `volume` (the scene's), `frame` (header), `progress`, `settled` (nothing moves and the server has
+ * everything), `notice` ({kind, message}), `lost` (message: the scene is gone and cannot be made again).
+ */
+export class Session extends Emitter {
+  /** @type {Status} */ status = { phase: 'idle' };
+  /** @type {import('./store.js').Volume | null} */ volume = null;
+  /** @type {Stream | null} */ #stream = null;
+  #resumeToken = null;
+  #attempts = 0;
+  #timer = 0;
+  #seq = 0;
+  #viewChanged = false;
+  #flushAsked = false;
+  /** Whether the camera belongs to this scene already. */
+  #cameraIsOurs = false;
+  #syncedRevision = 0;
+  #farewell = '';
+
+  /**
+   * @param {import('./store.js').SceneStore} store
+   * @param {import('./camera.js').OrbitCamera} camera
+   * @param {import('./picture.js').Picture} picture
+   * @param {import('./ledger.js').Ledger} ledger
+   */
+  constructor(store, camera, picture, ledger) {
+    super();
+    Object.assign(this, { store, camera, picture, ledger });
+    store.on('scene', () => store.hasQueued && this.#askFlush());
+    camera.on('change', () => this.#changeView());
+    picture.on('resize', () => this.#changeView());
+    document.addEventListener('visibilitychange', () => this.#stream?.visibility(!document.hidden));
+    window.addEventListener('online', () => this.retryNow());
+  }
+
+  /**
+   * Shows a scene.
+   * @param {any} answer of the server
+   * @param {any} [camera] of a link
+   */
+  async open(answer, camera) {
+    this.close();
+    const { id, revision, scene } = splitScene(answer);
+    this.#setVolume(await api.volume(scene.volume));
+    this.store.load(id, revision, scene);
+    this.#syncedRevision = revision;
+    this.#cameraIsOurs = Boolean(camera);
+    if (camera) this.camera.load(camera);
+    this.#resumeToken = null;
+    this.#connect();
+    this.emit('settled');
+  }
+
+  /** Shows nothing. */
+  close() {
+    this.#stream?.close();
+    this.#stream = null;
+    clearTimeout(this.#timer);
+    this.#attempts = 0;
+    this.store.clear();
+    this.#setVolume(null);
+    this.#setStatus({ phase: 'idle' });
+  }
+
+  /** Does not wait for the next attempt to connect. */
+  retryNow() {
+    if (this.status.phase !== 'waiting') return;
+    clearTimeout(this.#timer);
+    this.#probe();
+  }
+
+  /** Takes over an answer of undo, redo or the like. */
+  adopt(answer) {
+    const { id, revision, scene } = splitScene(answer);
+    if (id !== this.store.id) return;
+    this.store.load(id, revision, scene);
+    if (scene.volume !== this.volume?.id) api.volume(scene.volume).then((volume) => this.#setVolume(volume), () => {});
+  }
+
+  /** The scene with the camera of this view: what a link and a saved picture are of. */
+  documentOfView() {
+    return { ...this.store.scene, camera: this.camera.toJson() };
+  }
+
+  #connect() {
+    this.#setStatus({ phase: 'connecting' });
+    this.picture.restart();
+    this.#stream = new Stream(this.store.id, { ...this.picture.size, resume: this.#resumeToken }, {
+      welcome: (message) => this.#welcome(message),
+      frame: (header, image) => this.#frame(header, image),
+      scene: ({ revision, patch }) => this.#remoteChange(revision, patch),
+      progress: (message) => this.emit('progress', message),
+      error: (message) => this.#error(message),
+      goodbye: ({ reason }) => {
+        this.#farewell = reason;
+      },
+      closed: () => this.#closed(),
+    });
+  }
+
+  #welcome({ scene, revision, view, resume_token: token }) {
+    this.#resumeToken = token ?? null;
+    this.#farewell = '';
+    this.store.requeue();
+    this.store.load(this.store.id, revision, splitScene(scene).scene);
+    const camera = view?.camera ?? scene.camera;
+    if (this.#cameraIsOurs) {
+      this.#viewChanged = true;
+    } else if (camera) {
+      this.camera.load(camera);
+      this.#cameraIsOurs = true;
+      this.#fitNarrowPicture(scene);
+    }
+    this.#setStatus({ phase: 'live' });
+    if (document.hidden) this.#stream?.visibility(false);
+    this.#askFlush();
+  }
+
+  /** A camera that frames a wide picture cuts the sides off a tall one. */
+  #fitNarrowPicture({ viewport }) {
+    const excess = viewport ? viewport.width / viewport.height / this.picture.aspect : 1;
+    if (excess > 1.02) this.camera.zoom(Math.min(excess, 3));
+  }
+
+  async #frame(header, image) {
+    const stream = this.#stream;
+    const started = performance.now();
+    let drawn = false;
+    try {
+      drawn = await this.picture.show(header, image);
+    } catch {
+      this.emit('notice', { kind: 'error', message: 'A picture arrived that cannot be decoded.' });
+    }
+    stream?.ack(header.frame);
+    if (stream !== this.#stream) return;
+    this.#attempts = 0;
+    this.store.confirm(header.seq ?? 0, header.scene_revision ?? 0);
+    if (!drawn) return;
+    this.ledger.add(header, performance.now() - started);
+    this.emit('frame', header);
+    if (header.phase === 'final' && this.store.isSettled) this.#settle();
+  }
+
+  /** Fetches what the server made of our edits: defaults filled in, numbers in range. */
+  async #settle() {
+    const id = this.store.id;
+    if (this.store.revision !== this.#syncedRevision) {
+      try {
+        const answer = await api.scene(id);
+        if (id !== this.store.id) return;
+        this.adopt(answer);
+        this.#syncedRevision = this.store.revision;
+      } catch {
+        return; // The next frame tries again.
+      }
+    }
+    this.emit('settled');
+  }
+
+  #remoteChange(revision, patch) {
+    this.store.applyRemote(revision, patch);
+    if (patch.volume && patch.volume !== this.volume?.id) {
+      api.volume(patch.volume).then((volume) => this.#setVolume(volume), () => {});
+    }
+  }
+
+  #error({ code, message, seq }) {
+    if (seq !== undefined && seq !== null) this.store.reject(seq);
+    this.emit('notice', { kind: 'error', message, code });
+  }
+
+  #closed() {
+    this.#stream = null;
+    this.emit('progress', { what: '', fraction: 1 });
+    this.#retryLater(this.#farewell ? `The server said goodbye: ${this.#farewell}.` : 'The connection was lost.');
+  }
+
+  #retryLater(message) {
+    const longest = Math.min(LAST_DELAY, FIRST_DELAY * 2 ** this.#attempts);
+    // Jitter keeps many pages from coming back in the same instant.
+    const delay = longest * (0.7 + 0.3 * Math.random());
+    this.#attempts += 1;
+    this.#setStatus({ phase: 'waiting', message, retryAt: Date.now() + delay });
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.#probe(), delay);
+  }
+
+  /** A WebSocket does not say why it failed; the same scene over HTTP does. */
+  async #probe() {
+    const id = this.store.id;
+    this.#setStatus({ phase: 'connecting' });
+    try {
+      await api.scene(id);
+      if (id === this.store.id) this.#connect();
+    } catch (error) {
+      if (id !== this.store.id) return;
+      if (!(error instanceof ApiError)) throw error;
+      if (error.status === 404) await this.#recover();
+      else this.#retryLater(capitalized(error.message));
+    }
+  }
+
+  /** The scene is gone, with the server's memory most likely: makes it again from what this page knows. */
+  async #recover() {
+    const { volume } = this;
+    const scene = this.store.scene;
+    try {
+      const twin = findVolume(await api.volumes(), volume);
+      if (!twin) {
+        const message = `The server no longer has this scene, nor the volume “${volume?.name ?? ''}” to make it again.`;
+        this.close();
+        this.emit('lost', message);
+        return;
+      }
+      const answer = splitScene(await api.createScene({ ...scene, volume: twin.id }));
+      this.#resumeToken = null;
+      this.store.moveTo(answer.id);
+      this.store.load(answer.id, answer.revision, answer.scene);
+      this.#setVolume(twin);
+      this.emit('notice', { kind: 'info', message: 'The server had lost this scene; it was made again.' });
+      this.#connect();
+    } catch (error) {
+      if (error.status === 0 || error.status >= 500 || error.status === 429) {
+        this.#retryLater(capitalized(error.message));
+      } else {
+        this.close();
+        this.emit('lost', `The server no longer has this scene, and making it again failed: ${error.message}.`);
+      }
+    }
+  }
+
+  #changeView() {
+    this.#viewChanged = true;
+    this.#askFlush();
+  }
+
+  #askFlush() {
+    if (this.#flushAsked) return;
+    this.#flushAsked = true;
+    requestAnimationFrame(() => {
+      this.#flushAsked = false;
+      this.#flush();
+    });
+  }
+
+  /** Sends the newest state; what cannot be sent now waits for the next welcome. */
+  #flush() {
+    if (!this.#stream?.isReady || !(this.#viewChanged || this.store.hasQueued)) return;
+    this.#seq += 1;
+    const scene = this.store.take(this.#seq);
+    const view = this.#viewChanged ? { camera: this.camera.toJson(), ...this.picture.size } : null;
+    this.#viewChanged = false;
+    this.#stream.update(this.#seq, { scene, view });
+    this.ledger.sent(this.#seq);
+  }
+
+  #setVolume(volume) {
+    this.volume = volume;
+    if (volume) this.camera.setVolume(volume);
+    this.emit('volume', volume);
+  }
+
+  /** @param {Status} status */
+  #setStatus(status) {
+    this.status = status;
+    this.emit('status', status);
+  }
+}
+
+const capitalized = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}.`;
+
+/**
+ * The volume with the same voxels, or at least the same name and size.
+ * @param {import('./store.js').Volume[]} volumes
+ * @param {{sha256?: string, name?: string, dims?: number[]} | null} wanted
+ */
+export function findVolume(volumes, wanted) {
+  if (!wanted) return undefined;
+  const resident = volumes.filter((volume) => volume.state !== 'failed');
+  const sameSize = (volume) => !wanted.dims || String(volume.dims) === String(wanted.dims);
+  return (
+    resident.find((volume) => volume.sha256 === wanted.sha256)
+    ?? resident.find((volume) => volume.name === wanted.name && sameSize(volume))
+  );
+}
