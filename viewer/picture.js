@@ -13,7 +13,7 @@ const RESIZE_DELAY = 120;
 /** Smallest side worth asking for. */
 const MIN_SIDE = 16;
 
-/** Emits `resize` when pictures of another size are wanted. */
+/** Emits `resize` (aspect before) when pictures of another size are wanted. */
 export class Picture extends Emitter {
   /** @type {keyof typeof QUALITIES} */ #quality = 'standard';
   #box;
@@ -115,7 +115,8 @@ export class Picture extends Emitter {
   #resize() {
     const wanted = this.#wantedSize();
     if (wanted.width === this.size.width && wanted.height === this.size.height) return;
+    const aspectBefore = this.aspect;
     this.size = wanted;
-    this.emit('resize');
+    this.emit('resize', aspectBefore);
   }
 }

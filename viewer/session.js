@@ -45,7 +45,7 @@ export class Session extends Emitter {
     Object.assign(this, { store, camera, picture, ledger });
     store.on('scene', () => store.hasQueued && this.#askFlush());
     camera.on('change', () => this.#changeView());
-    picture.on('resize', () => this.#changeView());
+    picture.on('resize', (aspectBefore) => this.#resized(aspectBefore));
     document.addEventListener('visibilitychange', () => this.#stream?.visibility(!document.hidden));
     window.addEventListener('online', () => this.retryNow());
   }
@@ -56,9 +56,12 @@ export class Session extends Emitter {
    * @param {any} [camera] of a link
    */
   async open(answer, camera) {
-    this.close();
     const { id, revision, scene } = splitScene(answer);
-    this.#setVolume(await api.volume(scene.volume));
+    // Asked before the last scene goes, so that the page does not stand empty meanwhile.
+    const volume = await api.volume(scene.volume);
+    this.#disconnect();
+    this.store.clear();
+    this.#setVolume(volume);
     this.store.load(id, revision, scene);
     this.#syncedRevision = revision;
     this.#cameraIsOurs = Boolean(camera);
@@ -70,10 +73,7 @@ export class Session extends Emitter {
 
   /** Shows nothing. */
   close() {
-    this.#stream?.close();
-    this.#stream = null;
-    clearTimeout(this.#timer);
-    this.#attempts = 0;
+    this.#disconnect();
     this.store.clear();
     this.#setVolume(null);
     this.#setStatus({ phase: 'idle' });
@@ -97,6 +97,13 @@ export class Session extends Emitter {
   /** The scene with the camera of this view: what a link and a saved picture are of. */
   documentOfView() {
     return { ...this.store.scene, camera: this.camera.toJson() };
+  }
+
+  #disconnect() {
+    this.#stream?.close();
+    this.#stream = null;
+    clearTimeout(this.#timer);
+    this.#attempts = 0;
   }
 
   #connect() {
@@ -126,17 +133,12 @@ export class Session extends Emitter {
     } else if (camera) {
       this.camera.load(camera);
       this.#cameraIsOurs = true;
-      this.#fitNarrowPicture(scene);
+      // A camera that frames a wide picture cuts the sides off a tall one.
+      if (this.volume && this.picture.aspect < 1) this.camera.fit(this.volume, this.picture.aspect);
     }
     this.#setStatus({ phase: 'live' });
     if (document.hidden) this.#stream?.visibility(false);
     this.#askFlush();
-  }
-
-  /** A camera that frames a wide picture cuts the sides off a tall one. */
-  #fitNarrowPicture({ viewport }) {
-    const excess = viewport ? viewport.width / viewport.height / this.picture.aspect : 1;
-    if (excess > 1.02) this.camera.zoom(Math.min(excess, 3));
   }
 
   async #frame(header, image) {
@@ -182,8 +184,12 @@ export class Session extends Emitter {
   }
 
   #error({ code, message, seq }) {
-    if (seq !== undefined && seq !== null) this.store.reject(seq);
     this.emit('notice', { kind: 'error', message, code });
+    const id = this.store.id;
+    if (typeof seq !== 'number' || !id) return;
+    this.store.reject(seq);
+    // Refused, or accepted but impossible to draw: the server's document tells which.
+    api.scene(id).then((answer) => this.adopt(answer), () => {});
   }
 
   #closed() {
@@ -244,6 +250,13 @@ export class Session extends Emitter {
         this.emit('lost', `The server no longer has this scene, and making it again failed: ${error.message}.`);
       }
     }
+  }
+
+  /** What a tall picture shows is limited by its width, so that is what stays the same. */
+  #resized(aspectBefore) {
+    const factor = Math.min(1, aspectBefore) / Math.min(1, this.picture.aspect);
+    if (this.#cameraIsOurs && Math.abs(factor - 1) > 0.01) this.camera.zoom(factor);
+    this.#changeView();
   }
 
   #changeView() {

@@ -8,8 +8,10 @@ import { histogramPath, interestingRange } from './histogram.js';
 import { Emitter } from './store.js';
 import { addPoint, changePoint, sampleAt, valueRounder } from './transfer_function.js';
 
-const HEIGHT = 172;
-const MARGIN = { top: 10, right: 10, bottom: 22, left: 30 };
+const HEIGHT = 182;
+const MARGIN = { top: 10, right: 10, bottom: 30, left: 30 };
+/** Height of the strip of colours under the curve. */
+const STRIP = 6;
 const GRID = [0.01, 0.1, 0.25, 0.5, 1];
 /** Pixels from a point that still count as on it. */
 const REACH = { mouse: 13, touch: 24, pen: 16 };
@@ -46,7 +48,7 @@ export class TransferFunctionEditor extends Emitter {
     s('defs', {}, this.#parts.gradient, s('clipPath', { id: `${gradient}c` }, this.#parts.clip)),
     this.#parts.grid,
     s('g', { 'clip-path': `url(#${gradient}c)` }, this.#parts.bars, this.#parts.area, this.#parts.line),
-    this.#parts.ticks, this.#parts.dots);
+    this.#parts.strip, this.#parts.ticks, this.#parts.dots);
     this.#attach();
     new ResizeObserver(([entry]) => {
       if (entry.contentRect.width < 1) return;
@@ -137,6 +139,7 @@ export class TransferFunctionEditor extends Emitter {
       bars: s('path', { class: 'bars' }),
       area: s('path', { class: 'area', fill: `url(#${gradient})` }),
       line: s('path', { class: 'line' }),
+      strip: s('rect', { class: 'strip', height: STRIP, rx: STRIP / 2, fill: `url(#${gradient})` }),
       ticks: s('g', { class: 'ticks', 'aria-hidden': 'true' }),
       dots: s('g', { class: 'dots' }),
     };
@@ -200,6 +203,7 @@ export class TransferFunctionEditor extends Emitter {
     const curve = this.#curve();
     parts.line.setAttribute('d', `M${curve}`);
     parts.area.setAttribute('d', `M${left},${top + height}L${curve}L${left + width},${top + height}Z`);
+    setAttributes(parts.strip, { x: left, y: top + height + 4, width });
     setAttributes(parts.gradient, { x1: left, x2: left + width });
     parts.gradient.replaceChildren(...this.points.map((point) => s('stop', {
       offset: clamp((this.#x(point.value) - left) / width, 0, 1), 'stop-color': point.color,
@@ -231,7 +235,7 @@ export class TransferFunctionEditor extends Emitter {
     const ticks = [];
     for (let value = Math.ceil(this.#axis[0] / step) * step; value <= this.#axis[1]; value += step) {
       const clean = Number(value.toPrecision(10));
-      ticks.push(s('line', { x1: this.#x(value), x2: this.#x(value), y1: top + height, y2: top + height + 4 }));
+      ticks.push(s('line', { x1: this.#x(value), x2: this.#x(value), y1: top + height + STRIP + 6, y2: top + height + STRIP + 9 }));
       ticks.push(s('text', { x: this.#x(value), y: HEIGHT - 5, 'text-anchor': 'middle' },
         formatNumber(Math.abs(clean) < step * 1e-6 ? 0 : clean)));
     }
@@ -311,8 +315,10 @@ export class TransferFunctionEditor extends Emitter {
     this.element.addEventListener('pointerup', end);
     this.element.addEventListener('pointercancel', end);
     this.element.addEventListener('wheel', (event) => {
+      // Without a key the wheel scrolls the panel, in which this stands.
+      if (!event.ctrlKey && !event.metaKey && !event.shiftKey) return;
       event.preventDefault();
-      this.#zoom(Math.exp(clamp(event.deltaY, -200, 200) * 0.002), this.#valueAt(at(event).x));
+      this.#zoom(Math.exp(clamp(event.deltaY || event.deltaX, -200, 200) * 0.003), this.#valueAt(at(event).x));
     }, { passive: false });
   }
 

@@ -309,12 +309,16 @@ impl AoBuild {
             target_level: target.info(slices.start),
             first_slice: slices.start,
             slice_count: slices.end - slices.start,
-            shift,
+            shift_log2: shift.ilog2(),
             _padding: 0,
         };
         let bindings = [(1, self.window(level - 1, from)), (2, self.window(level, slices))];
         let stage = if shift == 1 { &stages.nbuffer_first_level } else { &stages.nbuffer_level };
-        stage.record(gpu, recorder, &params, &bindings, invocations(target, params.slice_count))
+        // An invocation makes 4 words x 4 rows; blocks that stick out are whole.
+        let stride = (shift / 2).max(1);
+        let words = target.extent[0].div_ceil(2).div_ceil(4 * stride) * stride;
+        let rows = target.extent[1].div_ceil(4 * shift) * shift;
+        stage.record(gpu, recorder, &params, &bindings, [words, rows, params.slice_count])
     }
 
     fn record_combine(

@@ -47,7 +47,7 @@ uniform! {
         target_level: LevelInfo,
         first_slice: u32,
         slice_count: u32,
-        shift: u32,
+        shift_log2: u32,
         _padding: u32,
     }
 }

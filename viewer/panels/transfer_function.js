@@ -17,7 +17,7 @@ export function transferFunctionPanel({ store, session }) {
   const fit = button('Whole range', () => editor.showAll(), { class: 'button quiet', hidden: true });
   const add = button('', () => editor.addAnywhere(), { class: 'button quiet with-icon' });
   add.append(icon('plus'), 'Add point');
-  const hint = h('p', { class: 'note' }, 'Double-click to add or remove a point. Scroll to zoom in on values.');
+  const hint = h('p', { class: 'note' }, 'Double-click to add or remove a point. Ctrl and scroll zoom in on values.');
 
   editor.on('edit', (points) => store.edit({ transfer_function: { points } }));
   editor.on('zoom', () => {

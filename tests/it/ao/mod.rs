@@ -1,1 +1,12 @@
-//! Accessibility: plans and keys, and the GPU against its twin.
+//! Accessibility: plans and keys, and the GPU against its twin in `reference`.
+
+mod analytic;
+mod key;
+mod layouts;
+mod plan;
+mod raytraced;
+mod spao;
+mod support;
+mod surface;
+mod turns;
+mod variants;

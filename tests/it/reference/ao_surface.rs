@@ -32,7 +32,7 @@ fn only_clear_even_voxels_beside_opaque_ones_count() {
     assert_eq!(surface_reference(&opacity, &only_there), 0.3);
     // From the side and from above counts as well; voxels outside do not.
     for (axis, at) in [(0, 4), (1, 4), (2, 4)] {
-        let slab = OpacityField::from_fn([9; 3], |v| if v[axis] > at { 0.5 } else { 0.0 });
+        let slab = OpacityField::from_fn([9; 3], |v| if v[axis] > at { 1.0 } else { 0.0 });
         let accessibility = per_voxel([9; 3], |v| if v[axis] == at { 0.4 } else { 0.8 });
         assert_eq!(surface_reference(&slab, &accessibility), 0.4);
     }
