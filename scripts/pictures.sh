@@ -65,9 +65,9 @@ figure_1_6() {
     picture "figure_1_6_$1" "$small" 300 300 \
         "$bone, $face, \"lighting\": {\"exposure\": $2}, $(occlusion "$3, \"levels\": 5, \"normal_factor\": 0")"
 }
-figure_1_6 raytraced 2.2 '"method": "raytraced", "rays": 256'
-figure_1_6 mipmap 2.2 '"structure": "mipmap"'
-figure_1_6 n_buffer 2.2 '"structure": "n_buffer"'
+figure_1_6 raytraced 2 '"method": "raytraced", "rays": 256'
+figure_1_6 mipmap 2 '"structure": "mipmap"'
+figure_1_6 n_buffer 2 '"structure": "n_buffer"'
 
 # SPAO, figure 1.8: the normal factor, at one exposure.
 for factor in 0 0.5 1 2; do

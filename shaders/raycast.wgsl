@@ -119,17 +119,17 @@ fn shade(entry: u32, position: vec3<f32>, view: vec3<f32>) -> vec3<f32> {
 // from entry `a` to entry `b`, `depth` is the optical depth of the whole and `alpha` its opacity.
 fn half_way(a: u32, b: u32, depth: f32, alpha: f32) -> f32 {
     let wanted = -log(1.0 - 0.5 * alpha) / depth;
-    var low = 0.0;
-    var high = 1.0;
     let whole = depth_between(a, b);
-    for (var i = 0; i < 4; i++) {
-        let middle = 0.5 * (low + high);
-        let reached = entry_between(a, b, middle);
-        let share = middle * depth_between(a, reached) / whole;
-        low = select(low, middle, share < wanted);
-        high = select(middle, high, share < wanted);
+    // Shares of the segment, and what of its depth lies in front of them.
+    var low = vec2<f32>(0.0, 0.0);
+    var high = vec2<f32>(1.0, 1.0);
+    for (var i = 0; i < 3; i++) {
+        let middle = 0.5 * (low.x + high.x);
+        let at_middle = vec2<f32>(middle, middle * depth_between(a, entry_between(a, b, middle)) / whole);
+        low = select(low, at_middle, at_middle.y < wanted);
+        high = select(at_middle, high, at_middle.y < wanted);
     }
-    return 0.5 * (low + high);
+    return mix(low.x, high.x, (wanted - low.y) / (high.y - low.y));
 }
 
 fn entry_between(a: u32, b: u32, share: f32) -> u32 {

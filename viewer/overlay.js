@@ -15,6 +15,7 @@ export function attachOverlay({ session, ledger, store }) {
   attachNumbers(ledger, session);
   attachProgress(session);
   const stage = byId('stage');
+  session.on('busy', (isBusy) => stage.setAttribute('aria-busy', String(isBusy)));
   store.on('scene', (scene) => {
     const background = scene?.rendering?.background ?? '#000000';
     stage.style.setProperty('--picture-background', background.slice(0, 7));

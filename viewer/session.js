@@ -16,7 +16,7 @@ const LAST_DELAY = 10_000;
  */
 
 /**
- * Emits `status`, `volume` (the scene's), `frame` (header), `progress`, `settled` (nothing moves and the server has
+ * Emits `busy` (whether the picture is behind what was asked for), `status`, `volume` (the scene's), `frame` (header), `progress`, `settled` (nothing moves and the server has
  * everything), `notice` ({kind, message}), `lost` (message: the scene is gone and cannot be made again).
  */
 export class Session extends Emitter {
@@ -27,6 +27,8 @@ export class Session extends Emitter {
   #attempts = 0;
   #timer = 0;
   #seq = 0;
+  /** The last update that this connection sent. */
+  #seqOfStream = 0;
   #viewChanged = false;
   #flushAsked = false;
   /** Whether the camera belongs to this scene already. */
@@ -108,6 +110,8 @@ export class Session extends Emitter {
 
   #connect() {
     this.#setStatus({ phase: 'connecting' });
+    this.emit('busy', true);
+    this.#seqOfStream = 0;
     this.picture.restart();
     this.#stream = new Stream(this.store.id, { ...this.picture.size, resume: this.#resumeToken }, {
       welcome: (message) => this.#welcome(message),
@@ -157,7 +161,8 @@ export class Session extends Emitter {
     if (!drawn) return;
     this.ledger.add(header, performance.now() - started);
     this.emit('frame', header);
-    if (header.phase === 'final' && this.store.isSettled) this.#settle();
+    const isNewest = this.store.isSettled && !this.#viewChanged && (header.seq ?? 0) >= this.#seqOfStream;
+    if (header.phase === 'final' && isNewest) this.#settle();
   }
 
   /** Fetches what the server made of our edits: defaults filled in, numbers in range. */
@@ -173,10 +178,12 @@ export class Session extends Emitter {
         return; // The next frame tries again.
       }
     }
+    if (this.store.isSettled && !this.#viewChanged) this.emit('busy', false);
     this.emit('settled');
   }
 
   #remoteChange(revision, patch) {
+    this.emit('busy', true);
     this.store.applyRemote(revision, patch);
     if (patch.volume && patch.volume !== this.volume?.id) {
       api.volume(patch.volume).then((volume) => this.#setVolume(volume), () => {});
@@ -265,6 +272,7 @@ export class Session extends Emitter {
   }
 
   #askFlush() {
+    this.emit('busy', true);
     if (this.#flushAsked) return;
     this.#flushAsked = true;
     requestAnimationFrame(() => {
@@ -280,6 +288,7 @@ export class Session extends Emitter {
     const scene = this.store.take(this.#seq);
     const view = this.#viewChanged ? { camera: this.camera.toJson(), ...this.picture.size } : null;
     this.#viewChanged = false;
+    this.#seqOfStream = this.#seq;
     this.#stream.update(this.#seq, { scene, view });
     this.ledger.sent(this.#seq);
   }

@@ -33,7 +33,7 @@ export class Undo extends Emitter {
   }
 
   #rest() {
-    if (this.paused || !this.session.store.isSettled) return;
+    if (this.paused || this.#busy || !this.session.store.isSettled) return;
     this.#rests.add(canonical(this.session.store.scene));
     if (this.#rests.size > MAX_STEPS) this.#rests.delete(this.#rests.values().next().value);
   }

@@ -10,8 +10,8 @@ use subtle::{Choice, ConstantTimeEq};
 use super::AppState;
 use crate::error::{ApiError, ErrorCode};
 
-/// Routes that need no key: an orchestrator's probes have none.
-const OPEN_ROUTES: [&str; 2] = ["/livez", "/readyz"];
+/// Routes that need no key: an orchestrator's probes have none, and the viewer has to come before it can ask for one.
+const OPEN_ROUTES: [&str; 4] = ["/livez", "/readyz", "/", "/viewer/{*path}"];
 
 /// Routes that look for a key themselves: a browser cannot give a WebSocket a header.
 const OWN_CHECK: &str = "/v1/scenes/{id}/stream";
@@ -51,7 +51,8 @@ pub(super) async fn require_key(
     next: Next,
 ) -> Result<Response, ApiError> {
     let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
-    if state.keys.is_open() || OPEN_ROUTES.contains(&request.uri().path()) || route == Some(OWN_CHECK) {
+    let open = route.is_some_and(|route| OPEN_ROUTES.contains(&route) || route == OWN_CHECK);
+    if state.keys.is_open() || open {
         return Ok(next.run(request).await);
     }
     match bearer(request.headers()) {

@@ -17,6 +17,7 @@ mod server;
 mod state;
 mod stream;
 mod uploads;
+mod viewer;
 mod volumes;
 
 pub use auth::ApiKeys;

@@ -2,12 +2,10 @@
 
 use std::fmt::Write as _;
 
-use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::Value;
 
-use super::AppState;
 use super::openapi::{OPENAPI, document};
 
 const STYLE: &str = include_str!("pages.css");
@@ -19,56 +17,6 @@ const POLICY: &str =
 /// `GET /openapi.json`
 pub(super) async fn openapi() -> Response {
     ([(header::CONTENT_TYPE, "application/json")], OPENAPI).into_response()
-}
-
-/// `GET /`: the volumes, and a picture of every scene.
-pub(super) async fn landing(State(state): State<AppState>) -> Response {
-    let info = state.renderer.info();
-    let mut body = format!(
-        "<header><h1>spao-server</h1><p>{} on {}{}</p><nav><a href=\"/docs\">API</a> \
-         <a href=\"/openapi.json\">OpenAPI</a> <a href=\"/v1/server\">Server</a></nav></header><main><h2>Scenes</h2>",
-        env!("CARGO_PKG_VERSION"),
-        escape(&info.adapter),
-        if info.software { " (software)" } else { "" },
-    );
-    let scenes = state.scenes.list();
-    if scenes.is_empty() {
-        body.push_str("<p class=\"none\">None yet: <code>POST /v1/scenes</code> makes one.</p>");
-    }
-    body.push_str("<div class=\"scenes\">");
-    for scene in scenes {
-        let scene = scene.snapshot();
-        let name = state.volumes.get(&scene.scene.volume.0).map_or("deleted volume".into(), |v| v.name.clone());
-        let path = format!("/v1/scenes/{}", scene.id);
-        push(
-            &mut body,
-            format_args!(
-                "<a class=\"scene\" href=\"{path}/frame\"><img loading=\"lazy\" width=\"480\" height=\"360\" \
-                 alt=\"scene {id}\" src=\"{path}/frame?width=480&amp;height=360\"><span>{name}</span>\
-                 <code>{id}</code></a>",
-                id = scene.id,
-                name = escape(&name),
-            ),
-        );
-    }
-    body.push_str("</div><h2>Volumes</h2><table><tr><th>Name<th>Id<th>Voxels<th>Type<th>Values<th>GPU</tr>");
-    for entry in state.volumes.list() {
-        let [x, y, z] = entry.volume.grid.dims;
-        let [low, high] = entry.volume.code_map.value_range();
-        push(
-            &mut body,
-            format_args!(
-                "<tr><td>{}<td><a href=\"/v1/volumes/{id}\"><code>{id}</code></a><td>{x} × {y} × {z}<td>{}\
-                 <td>{low} … {high}<td>{:.1} MiB</tr>",
-                escape(&entry.name),
-                entry.volume.voxels.voxel_type(),
-                entry.gpu_bytes as f64 / f64::from(1 << 20),
-                id = entry.id,
-            ),
-        );
-    }
-    body.push_str("</table></main>");
-    page("spao-server", &body)
 }
 
 /// `GET /docs`: the OpenAPI document for reading.

@@ -10,7 +10,7 @@ use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-use super::{AppState, ao, auth, envelope, frames, pages, presets, scenes, server, stream, uploads, volumes};
+use super::{AppState, ao, auth, envelope, frames, pages, presets, scenes, server, stream, uploads, viewer, volumes};
 use crate::error::{ApiError, ErrorCode};
 
 /// Paths that answer in every phase of the server's life.
@@ -44,13 +44,14 @@ fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
         ("/readyz", "GET", get(server::readyz)),
         ("/openapi.json", "GET", get(pages::openapi)),
         ("/docs", "GET", get(pages::docs)),
-        ("/", "GET", get(pages::landing)),
+        ("/", "GET", get(viewer::index)),
+        ("/viewer/{*path}", "GET", get(viewer::file)),
     ]
 }
 
-/// Path and methods of every route, for comparison with the OpenAPI document.
-pub fn route_table() -> Vec<(&'static str, Vec<&'static str>)> {
-    routes().into_iter().map(|(path, methods, _)| (path, methods.split(' ').collect())).collect()
+/// Path (as OpenAPI writes it) and methods of every route, for comparison with the OpenAPI document.
+pub fn route_table() -> Vec<(String, Vec<&'static str>)> {
+    routes().into_iter().map(|(path, methods, _)| (path.replace("{*", "{"), methods.split(' ').collect())).collect()
 }
 
 /// The whole HTTP interface.

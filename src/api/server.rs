@@ -33,7 +33,7 @@ pub(super) async fn show(State(state): State<AppState>, query: QueryParams) -> R
             "ao_structures": ["n_buffer", "mipmap", "hybrid"],
             "render_modes": ["composite"],
             "texture_16bit_norm": info.texture_16bit_norm,
-            "stream": false,
+            "stream": true,
         },
         "self_test": null,
     })))

@@ -53,7 +53,7 @@ impl<'a> OpticalDepth<'a> {
     /// α = 1 - e^-depth lies in front: the share s in [0, 1] with 1 - e^-(depth in front of s) = α / 2.
     ///
     /// There a segment is coloured and lit: the front of an opaque one, the middle of a faint one. The segment must
-    /// contribute something. The shader bisects four times, so it may be 1/32 of the segment off.
+    /// contribute something. The shader bisects three times and then takes a secant.
     pub fn half_way(&self, a: f64, b: f64, steps: f64) -> f64 {
         let depth = steps * self.mean(a, b);
         let wanted = -(0.5 * (-depth).exp_m1()).ln_1p();

@@ -41,8 +41,9 @@ pub enum SceneChange<'a> {
     Replace(&'a Value),
     /// A JSON Merge Patch (RFC 7396).
     Patch(&'a Value),
-    /// A merge patch that continues the last change: undo takes both back at once.
-    Amend(&'a Value),
+    /// A merge patch that continues the change which made a revision: undo takes both back at once. Where the scene
+    /// has moved on since, it is a change of its own.
+    Amend(&'a Value, u64),
     /// One change back.
     Undo,
     /// One undo back.
@@ -116,9 +117,9 @@ impl SceneEntry {
                 history.replace(scene);
                 lease
             }
-            SceneChange::Patch(patch) | SceneChange::Amend(patch) => {
+            SceneChange::Patch(patch) | SceneChange::Amend(patch, _) => {
                 let (scene, lease) = complete(&history.scene().patched_document(patch)?, volumes)?;
-                if matches!(change, SceneChange::Amend(_)) {
+                if matches!(change, SceneChange::Amend(_, continued) if continued == revision) {
                     history.amend(scene);
                 } else {
                     history.replace(scene);

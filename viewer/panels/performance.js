@@ -49,7 +49,7 @@ export function performancePanel({ ledger, server }) {
 function showNumbers(ledger, cells, facts) {
   const { header, stages } = ledger.records.at(-1);
   STAGES.forEach((stage, i) => {
-    cells[stage].textContent = `${formatNumber(stages[i], 3)} ms`;
+    cells[stage].textContent = `${stages[i].toFixed(stages[i] < 10 ? 1 : 0)} ms`;
   });
   const ao = header.ao ?? {};
   const set = (key, text) => {

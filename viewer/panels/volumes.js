@@ -62,7 +62,7 @@ function proceduralMenu({ makeProcedural }) {
       ...Object.entries(PROCEDURAL).map(([kind, name]) => button(name, () => {
         menu.open = false;
         makeProcedural(kind, size);
-      }, { class: 'menu-item' }))));
+      }, { class: 'button menu-item' }))));
   document.addEventListener('pointerdown', (event) => {
     if (!menu.contains(/** @type {Node} */ (event.target))) menu.open = false;
   });

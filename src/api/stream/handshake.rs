@@ -8,8 +8,9 @@ use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use data_encoding::BASE64URL_NOPAD;
 
-use super::connection::Connection;
+use super::connection::{FAREWELL, serve};
 use super::messages::{self, Hello, Incoming, PROTOCOL};
+use super::watcher::Watcher;
 use crate::api::{AppState, auth};
 use crate::error::{ApiError, ErrorCode};
 
@@ -44,11 +45,10 @@ pub(in crate::api) async fn open(
     Ok(upgrade.on_upgrade(async move |mut socket| {
         // Held as long as the connection lives.
         let _place = place;
-        match welcome(&mut socket, &state, known).await {
-            Ok(hello) => match Connection::new(state, entry, hello) {
-                Ok(connection) => connection.run(socket).await,
-                Err(error) => refuse(&mut socket, &error).await,
-            },
+        let hello = welcome(&mut socket, &state, known).await;
+        let phases = state.lifecycle.watch();
+        match hello.and_then(|hello| Ok(Watcher::new(state, entry.clone(), &hello)?)) {
+            Ok(watcher) => serve(watcher, entry, phases, socket).await,
             Err(Some(error)) => refuse(&mut socket, &error).await,
             Err(None) => {}
         }
@@ -81,11 +81,14 @@ async fn welcome(socket: &mut WebSocket, state: &AppState, known: bool) -> Resul
     Ok(hello)
 }
 
+/// Tells a client why it is not served.
 async fn refuse(socket: &mut WebSocket, error: &ApiError) {
     for message in [messages::error(error, None), messages::goodbye(error.code.name_and_status().0)] {
         let _ = socket.send(Message::Text(message.to_string().into())).await;
     }
     let _ = socket.send(Message::Close(None)).await;
+    // A socket dropped with something unread is reset, and the error is lost with it.
+    let _ = tokio::time::timeout(FAREWELL, async { while let Some(Ok(_)) = socket.recv().await {} }).await;
 }
 
 /// A page may open a stream if it comes from this server or from an allowed origin. Browsers ask nobody before

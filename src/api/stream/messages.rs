@@ -11,14 +11,13 @@ use crate::renderer::{AoReport, AoState, AoUpdate, StageTimings};
 pub(super) const PROTOCOL: u32 = 1;
 
 /// From client to server.
-#[derive(Debug, Deserialize)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+#[derive(Debug)]
 pub(super) enum Incoming {
     Hello(Hello),
     Update(Update),
-    Ack { frame: u64 },
-    Visibility { visible: bool },
-    Refresh {},
+    Ack(Ack),
+    Visibility(Visibility),
+    Refresh,
 }
 
 /// The first message.
@@ -45,6 +44,24 @@ pub(super) struct Update {
     pub(super) view: Option<Value>,
 }
 
+/// Pictures up to this one are on the client's screen.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Ack {
+    pub(super) frame: u64,
+}
+
+/// Whether anybody looks.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Visibility {
+    pub(super) visible: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Refresh {}
+
 /// Reads a message; what is wrong names the field.
 ///
 /// The `seq` of an update comes along even when the rest is wrong, for the error to name it.
@@ -52,10 +69,29 @@ pub(super) fn parse(text: &str) -> Result<Incoming, (ApiError, Option<u64>)> {
     let json: Value = serde_json::from_str(text)
         .map_err(|e| (ApiError::new(ErrorCode::Malformed, format!("not JSON: {e}")), None))?;
     let seq = json.get("seq").and_then(Value::as_u64);
-    serde_path_to_error::deserialize(json).map_err(|error| {
+    message(json).map_err(|error| (error, seq))
+}
+
+fn message(json: Value) -> Result<Incoming, ApiError> {
+    let Value::Object(mut fields) = json else {
+        return Err(ApiError::invalid("$", "expected an object"));
+    };
+    let kind = fields.remove("type");
+    let fields = Value::Object(fields);
+    match kind.as_ref().and_then(Value::as_str) {
+        Some("hello") => read(fields).map(Incoming::Hello),
+        Some("update") => read(fields).map(Incoming::Update),
+        Some("ack") => read(fields).map(Incoming::Ack),
+        Some("visibility") => read(fields).map(Incoming::Visibility),
+        Some("refresh") => read(fields).map(|Refresh {}| Incoming::Refresh),
+        _ => Err(ApiError::invalid("type", "expected `hello`, `update`, `ack`, `visibility` or `refresh`")),
+    }
+}
+
+fn read<T: for<'de> Deserialize<'de>>(fields: Value) -> Result<T, ApiError> {
+    serde_path_to_error::deserialize(fields).map_err(|error| {
         let path = error.path().to_string();
-        let path = if path == "." { "$" } else { &path };
-        (ApiError::invalid(path, error.inner()), seq)
+        ApiError::invalid(if path == "." { "$" } else { &path }, error.inner())
     })
 }
 

@@ -6,9 +6,11 @@
 mod connection;
 mod handshake;
 mod messages;
+mod outbox;
 mod pictures;
 mod quality;
 mod view;
+mod watcher;
 
 pub(super) use handshake::open;
 pub use quality::Quality;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::error::ApiError;
 use crate::scene::Scene;
-use crate::session::{VolumeEntry, View};
+use crate::session::{View, VolumeEntry};
 
 /// `view` of an update. A missing part stays as it is; `camera: null` goes back to the scene's own.
 #[derive(Debug, Deserialize)]

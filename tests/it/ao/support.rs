@@ -44,10 +44,11 @@ pub(super) fn volume_of(dims: [u32; 3], spacing: DVec3, value: impl Fn([u32; 3])
     Arc::new(Volume::new(Grid::axis_aligned(dims, spacing), Voxels::U16(voxels)).expect("a valid volume"))
 }
 
-/// Sparse values without any symmetry, 0 or 100 to 1000; every size has both ends of the range but a single voxel.
+/// Sparse values without any symmetry, 0 or 100 to 1000. The highest, 1009, is such that no gradient is exactly as long
+/// as the shortest that gives rays a hemisphere: rounding would decide.
 pub(super) fn random_volume(dims: [u32; 3], spacing: DVec3) -> Arc<Volume> {
     volume_of(dims, spacing, |voxel| match voxel {
-        [0, 0, 0] => 1000,
+        [0, 0, 0] => 1009,
         [i, j, k] => {
             let random = hash(u64::from((k * 4096 + j) * 4096 + i));
             if random % 10 < 3 { 100 + (random >> 8) as u16 % 901 } else { 0 }

@@ -8,17 +8,18 @@ use spao_server::config::ConfigError;
 use super::{Server, request, serve_args};
 
 #[tokio::test]
-async fn with_keys_everything_but_the_probes_needs_one() {
+async fn with_keys_everything_but_probes_and_viewer_needs_one() {
     let server = Server::new(&["--api-key", "first-key-1", "--api-key", "second-key"]);
     let ask = async |path: &str, authorization: &[(&str, &str)]| {
         server.send(request(Method::GET, path, authorization, Body::empty())).await
     };
-    for path in ["/v1/volumes", "/v1/server", "/", "/docs", "/openapi.json", "/nope"] {
+    for path in ["/v1/volumes", "/v1/server", "/docs", "/openapi.json", "/nope"] {
         let answer = ask(path, &[]).await;
         assert_eq!((answer.status.as_u16(), answer.code().as_str()), (401, "unauthorized"), "{path}");
         assert_eq!(answer.header("www-authenticate"), "Bearer");
     }
-    for path in ["/livez", "/readyz"] {
+    // The viewer has to come before it can ask for a key.
+    for path in ["/livez", "/readyz", "/", "/viewer/app.js"] {
         assert_eq!(ask(path, &[]).await.status, 200, "{path}");
     }
     for (value, status) in [

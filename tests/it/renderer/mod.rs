@@ -1,4 +1,11 @@
 //! Pictures: the ray caster against its twin, empty-space skipping, goldens, memory and errors.
 
-mod probe;
+mod exposure;
+mod formats;
+mod goldens;
+mod head;
+mod memory;
+mod orientation;
+mod pictures;
+mod skipping;
 mod support;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use spao_server::gpu::GpuOptions;
 use spao_server::reference::{Exposure, RaycastInput, Raycaster, ValueField};
-use spao_server::renderer::{FrameRequest, RenderError, Renderer};
+use spao_server::renderer::{AoPolicy, FrameRequest, RenderError, Renderer};
 use spao_server::scene::{HistogramView, Scene, SceneDocument, VolumeFacts};
 use spao_server::volume::{Grid, Limits, ProceduralKind, ProceduralSpec, Volume, VolumeId, Voxels, format};
 
@@ -88,7 +88,8 @@ impl Studio {
     }
 
     pub(super) fn try_picture(&mut self, scene: &Scene, [width, height]: [u32; 2]) -> Result<Picture, RenderError> {
-        let frame = self.renderer.render(&FrameRequest { scene: Arc::new(scene.clone()), width, height })?;
+        let request = FrameRequest { scene: Arc::new(scene.clone()), width, height, ao_policy: AoPolicy::Exact };
+        let frame = self.renderer.render(&request)?;
         assert_eq!([frame.width, frame.height, 4 * width * height], [width, height, frame.rgba.len() as u32]);
         Ok(Picture { size: [width, height], pixels: frame.rgba.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect() })
     }

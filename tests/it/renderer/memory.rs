@@ -1,0 +1,180 @@
+//! What does not fit is refused with its numbers and leaves nothing behind; what is removed is gone.
+
+use std::sync::Arc;
+
+use serde_json::json;
+use spao_server::gpu::GpuOptions;
+use spao_server::renderer::{AoPolicy, FrameRequest, RenderError, Renderer};
+use spao_server::scene::Scene;
+use spao_server::volume::VolumeId;
+
+use super::support::{Studio, boxes, scene_of, volume_of};
+
+fn open(budget_bytes: u64) -> Renderer {
+    let options = GpuOptions { memory_budget_bytes: Some(budget_bytes), ..GpuOptions::default() };
+    Renderer::new(&options).expect("tests need an adapter; a software one will do")
+}
+
+fn request(scene: &Scene, width: u32, height: u32) -> FrameRequest {
+    FrameRequest { scene: Arc::new(scene.clone()), width, height, ao_policy: AoPolicy::Exact }
+}
+
+/// `(needed, budget, resident)` of an error about memory.
+#[track_caller]
+fn does_not_fit<T: std::fmt::Debug>(result: Result<T, RenderError>) -> (u64, u64, Vec<(VolumeId, u64)>) {
+    match result {
+        Err(RenderError::DoesNotFit { needed_bytes, budget_bytes, resident, .. }) => {
+            (needed_bytes, budget_bytes, resident)
+        }
+        other => panic!("{other:?} is not about memory"),
+    }
+}
+
+#[test]
+fn a_volume_that_nobody_added_is_unknown() {
+    let mut studio = Studio::new(boxes());
+    let before = studio.renderer.memory();
+    let scene = Scene { volume: VolumeId("v_other".into()), ..studio.scene(&json!({})) };
+    let unknown = |error: RenderError| matches!(error, RenderError::UnknownVolume(id) if id.0 == "v_other");
+    assert!(unknown(studio.renderer.render(&request(&scene, 8, 8)).expect_err("unknown")));
+    assert!(unknown(studio.renderer.accessibility(Arc::new(scene.clone())).expect_err("unknown")));
+    assert!(unknown(studio.renderer.fresh_ao_build(&scene).expect_err("unknown")));
+    studio.renderer.remove_volume(&scene.volume);
+    assert_eq!(studio.renderer.memory(), before);
+}
+
+#[test]
+fn a_volume_beyond_the_budget_is_refused_with_numbers_and_nothing_of_it_remains() {
+    let volume = Arc::new(volume_of([64, 48, 32], |[i, ..]| i as u16 * 100));
+    let voxels = volume.grid.voxel_count();
+    // 2 bytes of value and 4 of gradient per voxel.
+    let needed = 6 * voxels;
+    for budget in [needed - 1, voxels, 1024] {
+        let mut renderer = open(budget);
+        let before = renderer.memory();
+        let id = VolumeId("v_large".into());
+        let answer = does_not_fit(renderer.add_volume(id.clone(), volume.clone()));
+        assert_eq!((answer.0, answer.1), (needed, budget));
+        assert_eq!(answer.2, []);
+        assert_eq!(renderer.memory(), before);
+        let scene = scene_of(&id, &volume, &json!({}));
+        let answer = renderer.render(&request(&scene, 8, 8));
+        assert!(matches!(answer, Err(RenderError::UnknownVolume(_))), "{answer:?}");
+    }
+    // A second one is refused because of the first, and the error says so; the first stays.
+    let mut renderer = open(needed + voxels);
+    let (first, second) = (VolumeId("v_1".into()), VolumeId("v_2".into()));
+    let residency = renderer.add_volume(first.clone(), volume.clone()).expect("one fits");
+    assert_eq!(residency.gpu_bytes, needed);
+    let before = renderer.memory();
+    assert_eq!(before.volumes_bytes, needed);
+    let (_, _, resident) = does_not_fit(renderer.add_volume(second.clone(), volume.clone()));
+    assert_eq!(resident, [(first.clone(), needed)]);
+    assert_eq!(renderer.memory(), before);
+    renderer.remove_volume(&first);
+    renderer.add_volume(second, volume).expect("there is room again");
+}
+
+#[test]
+fn ambient_occlusion_and_pictures_beyond_the_budget_are_refused_and_leave_nothing() {
+    let volume = Arc::new(volume_of([64, 48, 32], |[i, ..]| i as u16 * 100));
+    let bytes = 6 * volume.grid.voxel_count();
+    let mut renderer = open(bytes + 300_000);
+    let id = VolumeId("v_1".into());
+    renderer.add_volume(id.clone(), volume.clone()).expect("the volume fits");
+    let before = renderer.memory();
+    let occluded = scene_of(&id, &volume, &json!({}));
+    let plain = scene_of(&id, &volume, &json!({"ambient_occlusion": {"method": "off"}}));
+
+    let (needed, budget, resident) = does_not_fit(renderer.render(&request(&occluded, 16, 16)));
+    assert!(needed > 300_000 && budget == bytes + 300_000, "{needed} {budget}");
+    assert_eq!(resident, [(id.clone(), bytes)]);
+    assert_eq!(renderer.memory(), before);
+    does_not_fit(renderer.accessibility(Arc::new(occluded)));
+    assert_eq!(renderer.memory(), before);
+
+    does_not_fit(renderer.render(&request(&plain, 512, 512)));
+    assert_eq!(renderer.memory(), before);
+    renderer.render(&request(&plain, 16, 16)).expect("a small picture fits");
+    assert_eq!(renderer.memory(), before);
+}
+
+#[test]
+fn finished_accessibility_makes_room_for_what_is_wanted_now() {
+    let volume = Arc::new(volume_of([64, 48, 32], |[i, j, k]| (i * j + 40 * k) as u16));
+    let id = VolumeId("v_1".into());
+    let scene = |levels: u32| scene_of(&id, &volume, &json!({"ambient_occlusion": {"levels": levels}}));
+    let mut ample = open(64 << 20);
+    ample.add_volume(id.clone(), volume.clone()).expect("the volume fits");
+    let expected: Vec<_> = (1..=4).map(|l| ample.render(&request(&scene(l), 16, 16)).expect("it fits").rgba).collect();
+    let result_bytes = ample.memory().ao_cache_bytes / 4;
+    assert_eq!(result_bytes, 2 * volume.grid.voxel_count());
+
+    // Room for the volume, one result and the largest build with its own result, and not for four results.
+    let largest_build = {
+        let build = ample.fresh_ao_build(&scene(4)).expect("it fits");
+        let building = ample.memory();
+        drop(build);
+        building.used_bytes - ample.memory().used_bytes
+    };
+    let mut tight = open(6 * volume.grid.voxel_count() + result_bytes + largest_build + 100_000);
+    tight.add_volume(id.clone(), volume.clone()).expect("the volume fits");
+    for _ in 0..2 {
+        for (levels, expected) in (1..=4).zip(&expected) {
+            let frame = tight.render(&request(&scene(levels), 16, 16)).expect("older results make room");
+            assert_eq!(&frame.rgba, expected);
+            let memory = tight.memory();
+            assert!(memory.used_bytes <= memory.budget_bytes, "{memory:?}");
+        }
+    }
+}
+
+#[test]
+fn an_axis_beyond_the_adapters_textures_is_named() {
+    let mut renderer = open(1 << 30);
+    let limit = renderer.info().max_volume_axis;
+    let before = renderer.memory();
+    for (axis, name) in "xyz".chars().enumerate() {
+        let mut dims = [1; 3];
+        dims[axis] = limit + 1;
+        let volume = Arc::new(volume_of(dims, |_| 1));
+        let answer = renderer.add_volume(VolumeId("v_long".into()), volume);
+        let Err(RenderError::AxisTooLong { axis, size, limit: allowed }) = answer else { panic!("{answer:?}") };
+        assert_eq!((axis, size, allowed), (name, limit + 1, limit));
+        assert_eq!(renderer.memory(), before);
+    }
+}
+
+#[test]
+fn adding_drawing_and_removing_again_and_again_takes_no_more_memory() {
+    let volume = Arc::new(boxes());
+    let mut renderer = open(64 << 20);
+    let before = renderer.memory();
+    for round in 0..20 {
+        let id = VolumeId(format!("v_{}", round % 3));
+        renderer.add_volume(id.clone(), volume.clone()).expect("the volume fits");
+        for document in [json!({"ambient_occlusion": {"levels": 3}}), json!({"ambient_occlusion": {"method": "off"}})] {
+            let scene = scene_of(&id, &volume, &document);
+            renderer.render(&request(&scene, 24, 16)).expect("the picture is drawn");
+        }
+        let during = renderer.memory();
+        assert!(during.volumes_bytes > before.volumes_bytes && during.ao_cache_bytes > before.ao_cache_bytes);
+        assert_eq!(during.ao_scratch_bytes, before.ao_scratch_bytes, "round {round}");
+        renderer.remove_volume(&id);
+        assert_eq!(renderer.memory(), before, "round {round}");
+    }
+}
+
+#[test]
+fn a_volume_that_replaces_another_of_its_name_is_drawn_as_itself() {
+    let mut studio = Studio::new(volume_of([20, 20, 20], |[i, ..]| i as u16));
+    let scene = studio.scene(&json!({}));
+    let first = studio.picture(&scene, [24, 24]);
+    let before = studio.renderer.memory();
+    studio.renderer.remove_volume(&studio.id);
+    let other = Arc::new(volume_of([20, 20, 20], |[.., k]| 19 - k as u16));
+    studio.renderer.add_volume(studio.id.clone(), other).expect("it fits");
+    let second = studio.picture(&scene, [24, 24]);
+    assert!(first != second, "an old result is shown");
+    assert_eq!(studio.renderer.memory(), before);
+}
