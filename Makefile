@@ -15,6 +15,7 @@ run: vulkan ## Build and start the server, which says where it is (ADDR, VOLUME:
 
 test: vulkan lint deny ## All checks and all tests
 	cargo test --locked
+	@scripts/test-viewer.sh
 
 vulkan: ## A Vulkan driver; installs Mesa's by apt-get where there is none
 	@scripts/ensure-vulkan.sh

@@ -3,7 +3,7 @@
 import { byId, formatNumber, h } from './dom.js';
 import { addButtons } from './panels/volumes.js';
 
-const WORDS = { idle: 'No scene', connecting: 'Connecting…', live: 'Live', waiting: 'Reconnecting' };
+const WORDS = { idle: 'No scene', connecting: 'Connecting…', live: 'Live', waiting: 'Offline' };
 /** Milliseconds without news after which a progress bar goes away. */
 const PROGRESS_PATIENCE = 8000;
 /** Work shorter than this needs no bar. */
@@ -15,6 +15,8 @@ export function attachOverlay({ session, ledger, store }) {
   attachNumbers(ledger, session);
   attachProgress(session);
   const stage = byId('stage');
+  session.on('frame', () => stage.classList.add('has-picture'));
+  session.on('volume', () => stage.classList.remove('has-picture'));
   session.on('busy', (isBusy) => stage.setAttribute('aria-busy', String(isBusy)));
   store.on('scene', (scene) => {
     const background = scene?.rendering?.background ?? '#000000';
@@ -117,7 +119,7 @@ export function attachEmptyState({ session, picture }, actions) {
     h('div', { class: 'empty-art', 'aria-hidden': 'true' }),
     h('h2', {}, 'Drop a volume here'), message,
     h('p', {}, 'NRRD or raw voxels, from anywhere on this page. Or start with a computed one.'),
-    addButtons(actions),
+    addButtons(actions, true),
   );
   session.on('status', ({ phase }) => {
     if (phase === 'idle') picture.clear();

@@ -62,7 +62,7 @@ export class Picture extends Emitter {
     this.#newest = 0;
   }
 
-  /** Shows nothing. */
+  /** Shows nothing, until the next frame. */
   clear() {
     this.#context.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
   }

@@ -63,6 +63,7 @@ export class Session extends Emitter {
     const volume = await api.volume(scene.volume);
     this.#disconnect();
     this.store.clear();
+    this.picture.clear();
     this.#setVolume(volume);
     this.store.load(id, revision, scene);
     this.#syncedRevision = revision;

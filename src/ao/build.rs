@@ -103,11 +103,11 @@ impl AoBuild {
             gpu.buffer("ao samples", Category::AoScratch, sample_bytes, storage | wgpu::BufferUsages::COPY_SRC)?;
         let usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::COPY_SRC;
-        let target =
-            gpu.texture_3d("accessibility", Category::AoCache, dims, sample_format(gpu), usage)?;
+        let target = gpu.texture_3d("accessibility", Category::AoCache, dims, sample_format(gpu), usage)?;
         let table = bytemuck::cast_slice(&source.opacity_table);
         let opacity_table = gpu.storage_with("ao opacity table", Category::AoScratch, table)?;
-        let tracer = (settings.method == AoMethod::Raytraced).then(|| Tracer::new(gpu, &source, &settings)).transpose()?;
+        let tracer =
+            (settings.method == AoMethod::Raytraced).then(|| Tracer::new(gpu, &source, &settings)).transpose()?;
         let step_count = steps.len();
         Ok(Self {
             source,
@@ -188,9 +188,14 @@ impl AoBuild {
         }
     }
 
-    /// Share of the steps that are done, in [0, 1].
+    /// Share of the work that is done, in [0, 1]: of the rows where rays are traced, else of the steps.
     pub fn fraction(&self) -> f64 {
-        1.0 - self.steps.len() as f64 / self.step_count.max(1) as f64
+        let all_rows = f64::from(self.dims[1]) * f64::from(self.dims[2]);
+        let left = match self.steps.back() {
+            Some(Step::Trace(rows)) => rows.len() as f64 / all_rows,
+            _ => self.steps.len() as f64 / self.step_count.max(1) as f64,
+        };
+        1.0 - left
     }
 
     /// Bytes of every level of box means.
@@ -221,13 +226,7 @@ impl AoBuild {
         Some(Step::Trace(now))
     }
 
-    fn record(
-        &self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        recorder: &mut Recorder,
-        step: &Step,
-    ) -> Result<(), GpuError> {
+    fn record(&self, gpu: &Gpu, stages: &AoStages, recorder: &mut Recorder, step: &Step) -> Result<(), GpuError> {
         match step {
             Step::Classify(slices) => self.record_classify(gpu, stages, recorder, slices.clone()),
             Step::Mipmap(level, slices) => self.record_mipmap(gpu, stages, recorder, *level as usize, slices.clone()),
@@ -329,10 +328,8 @@ impl AoBuild {
         slices: std::ops::Range<u32>,
     ) -> Result<(), GpuError> {
         let mut infos = [<LevelInfo as bytemuck::Zeroable>::zeroed(); MAX_LEVELS];
-        let mut bindings = vec![
-            (1, Binding::Texture(&self.source.values.view)),
-            (2, Binding::Buffer(&self.samples.raw)),
-        ];
+        let mut bindings =
+            vec![(1, Binding::Texture(&self.source.values.view)), (2, Binding::Buffer(&self.samples.raw))];
         for (level, layout) in (0_u32..).zip(&self.layouts) {
             let window = combine_window(&slices, &self.settings, level, layout);
             infos[level as usize] = layout.info(window.start);
@@ -386,12 +383,7 @@ impl AoBuild {
                     rows_per_image: Some(rows),
                 },
             },
-            wgpu::TexelCopyTextureInfo {
-                texture: &target.raw,
-                mip_level: 0,
-                origin,
-                aspect: wgpu::TextureAspect::All,
-            },
+            wgpu::TexelCopyTextureInfo { texture: &target.raw, mip_level: 0, origin, aspect: wgpu::TextureAspect::All },
             wgpu::Extent3d { width: self.dims[0], height: rows, depth_or_array_layers: slices },
         );
     }

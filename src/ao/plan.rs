@@ -5,9 +5,12 @@ use std::ops::Range;
 use super::levels::{LevelLayout, mip_levels};
 use crate::scene::{AmbientOcclusion, AoMethod, Radius};
 
-/// Largest step, in cells or samples: a fraction of a second even on two CPU cores, so that another
-/// scene never waits longer for its turn.
+/// Cells of the largest step: a fraction of a second even on two CPU cores, so that another scene never waits longer
+/// for its turn.
 const STEP_CELLS: u64 = 4 << 20;
+
+/// Samples of the largest step, likewise: each takes look-ups in all levels.
+const STEP_SAMPLES: u64 = 1 << 20;
 
 /// One dispatch. Ranges are slices (z) of the step's target, except for `Trace`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,7 +65,7 @@ pub fn plan(
             steps.extend(slabs(layout.extent[2], thick).map(|s| Step::NBuffer(level, s)));
         }
     }
-    let mut thick = u32::try_from(STEP_CELLS / slice).unwrap_or(u32::MAX).max(1);
+    let mut thick = u32::try_from(STEP_SAMPLES / slice).unwrap_or(u32::MAX).max(1);
     let windows_fit = |slab: Range<u32>| combine_window_fits(&slab, settings, layouts, largest_binding);
     while !samples_fit(thick.min(dims[2])) || !slabs(dims[2], thick).all(windows_fit) {
         thick = Some(thick / 2).filter(|&t| t > 0)?;
@@ -112,12 +115,7 @@ pub(super) fn trace_window(
     layout.slices_around(f64::from(first) + 0.5 - reach, f64::from(last) + 0.5 + reach)
 }
 
-fn trace_window_fits(
-    dims: [u32; 3],
-    settings: &AmbientOcclusion,
-    layout: &LevelLayout,
-    largest_binding: u64,
-) -> bool {
+fn trace_window_fits(dims: [u32; 3], settings: &AmbientOcclusion, layout: &LevelLayout, largest_binding: u64) -> bool {
     let middle = dims[2] / 2 * dims[1];
     let slices = trace_window(dims, &(middle..middle + 1), settings, layout).len() as u64;
     slices * layout.slice_bytes() <= largest_binding

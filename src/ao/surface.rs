@@ -64,17 +64,20 @@ impl SurfaceHistogram {
     }
 }
 
+/// The accessibility at the quantile. Within a bin it is taken by the share of the bin that is needed, so that
+/// exposure does not jump from bin to bin while opacities are edited.
 fn quantile(bins: &[u32]) -> f64 {
-    let total: u64 = bins.iter().map(|&b| u64::from(b)).sum();
-    if total == 0 {
-        return 1.0;
+    let total: f64 = bins.iter().map(|&bin| f64::from(bin)).sum();
+    let wanted = REFERENCE_QUANTILE * total;
+    let last = bins.len() as f64 - 1.0;
+    let mut below = 0.0;
+    for (at, &bin) in bins.iter().enumerate() {
+        let bin = f64::from(bin);
+        if bin > 0.0 && below + bin >= wanted {
+            let root = (at as f64 - 0.5 + (wanted - below) / bin).clamp(0.5, last) / last;
+            return root * root;
+        }
+        below += bin;
     }
-    let wanted = (total as f64 * REFERENCE_QUANTILE).ceil() as u64;
-    let mut below = 0;
-    let found = bins.iter().position(|&bin| {
-        below += u64::from(bin);
-        below >= wanted
-    });
-    let root = found.unwrap_or(bins.len() - 1).max(1) as f64 / (bins.len() - 1) as f64;
-    root * root
+    1.0
 }

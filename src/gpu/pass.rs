@@ -48,10 +48,9 @@ impl ComputeStage {
         let entries = layout_entries(&module);
         let workgroup = module.entry_points[0].workgroup_size;
         gpu.guarded(stem, || {
-            let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label: Some(stem),
-                entries: &entries,
-            });
+            let layout = gpu
+                .device
+                .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(stem), entries: &entries });
             let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(stem),
                 bind_group_layouts: &[Some(&layout)],
@@ -180,12 +179,7 @@ fn layout_entries(module: &naga::Module) -> Vec<wgpu::BindGroupLayoutEntry> {
         .filter_map(|(_, variable)| {
             let binding = variable.binding.as_ref()?.binding;
             let ty = binding_type(variable, &module.types[variable.ty].inner, has_sampler)?;
-            Some(wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty,
-                count: None,
-            })
+            Some(wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None })
         })
         .collect();
     entries.sort_by_key(|e| e.binding);
@@ -204,9 +198,7 @@ fn binding_type(
             let read_only = !access.contains(naga::StorageAccess::STORE);
             Some(buffer(wgpu::BufferBindingType::Storage { read_only }))
         }
-        (_, naga::TypeInner::Sampler { .. }) => {
-            Some(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering))
-        }
+        (_, naga::TypeInner::Sampler { .. }) => Some(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
         (_, naga::TypeInner::Image { class, .. }) => Some(match class {
             naga::ImageClass::Storage { format: naga::StorageFormat::Rgba8Snorm, .. } => {
                 wgpu::BindingType::StorageTexture {

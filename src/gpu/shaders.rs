@@ -127,13 +127,7 @@ impl Assembler<'_> {
         Ok(())
     }
 
-    fn repeat(
-        &mut self,
-        file: &'static str,
-        number: u32,
-        head: &str,
-        body: &[(u32, &str)],
-    ) -> Result<(), ShaderError> {
+    fn repeat(&mut self, file: &'static str, number: u32, head: &str, body: &[(u32, &str)]) -> Result<(), ShaderError> {
         let bad = || error(file, number, format!("expected `#repeat NAME first..=last`, got `#repeat {head}`"));
         let (variable, range) = head.split_once(' ').ok_or_else(bad)?;
         let (first, last) = range.split_once("..=").ok_or_else(bad)?;

@@ -3,17 +3,16 @@
 use super::field::{OpacityField, voxel_count};
 
 /// Share of the surface that is at most as open as the reference.
-const QUANTILE: f64 = 0.9;
+const QUANTILE: f64 = 0.8;
 
-/// The accessibility, in [0, 1], that nine tenths of the surface do not exceed; 1 where there is no surface.
+/// The accessibility, in [0, 1], that four fifths of the surface do not exceed; 1 where there is no surface.
 ///
 /// A voxel belongs to the surface as far as it is clear and has an opaque face neighbour: by the weight
 /// (1 - α) · max α of its six neighbours, 0 outside the volume. Of every axis only voxels 0, 2, 4, ... count.
 /// `accessibility` is at every voxel centre, x fastest. The answer is the least A for which voxels that are at most
-/// as open as A have nine tenths of all weight.
+/// as open as A have four fifths of all weight.
 ///
-/// The shader rounds weights to 1/255 and counts in 256 bins over √A, so that its answer is off by half a bin, and
-/// at least 1/255².
+/// The shader rounds weights to 1/255 and counts in 256 bins over √A, within which it takes A for evenly spread.
 pub fn surface_reference(opacity: &OpacityField, accessibility: &[f64]) -> f64 {
     assert_eq!(accessibility.len(), voxel_count(opacity.dims), "one accessibility per voxel");
     let [nx, ny, nz] = opacity.dims.map(|n| n as usize);

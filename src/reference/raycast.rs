@@ -18,6 +18,8 @@ use crate::volume::{CodeMap, Grid};
 const OPAQUE: f64 = 0.999;
 /// Smallest spacings between a sample of a clear surface and the accessibility it is lit by.
 const IN_FRONT: f64 = 1.0;
+/// Longest gradient that is told from longer ones: three differences of half the range, √3 / 2.
+const LONGEST_GRADIENT: f64 = 0.866_025_403_784_438_6;
 
 /// What a picture is made of.
 #[derive(Clone, Copy, Debug)]
@@ -52,20 +54,15 @@ pub struct Raycaster<'a> {
     step: f64,
 }
 
-/// Longest gradient that is told from longer ones: three differences of half the range, 3^(1/2) / 2.
-fn longest_gradient() -> f64 {
-    0.75_f64.sqrt()
-}
-
 /// A gradient with the square root of its length, in units of [`longest_gradient`] and at most 1, for its length.
 /// The GPU stores it like that because eight bits must still hold the direction of weak gradients; and since
 /// it interpolates what it has stored, so does this twin (in f64, without rounding to eight bits).
 fn encoded(gradient: DVec3) -> DVec3 {
-    gradient.normalize_or_zero() * (gradient.length() / longest_gradient()).min(1.0).sqrt()
+    gradient.normalize_or_zero() * (gradient.length() / LONGEST_GRADIENT).min(1.0).sqrt()
 }
 
 fn decoded(encoded: DVec3) -> DVec3 {
-    encoded * encoded.length() * longest_gradient()
+    encoded * encoded.length() * LONGEST_GRADIENT
 }
 
 impl<'a> Raycaster<'a> {
@@ -102,7 +99,7 @@ impl<'a> Raycaster<'a> {
         self.over_background(self.march(&ray))
     }
 
-    /// ∇v̂ h in world space at an index-space position, at most 3^(1/2) / 2 long: encoded gradients of voxels,
+    /// ∇v̂ h in world space at an index-space position, at most √3 / 2 long: encoded gradients of voxels,
     /// interpolated, then decoded. h is the smallest spacing.
     pub fn world_gradient(&self, index_position: DVec3) -> DVec3 {
         decoded(trilinear_clamped(self.input.grid.dims, index_position, &self.gradients))

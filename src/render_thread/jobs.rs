@@ -59,12 +59,14 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
             let Ok(job) = jobs.try_recv() else { break };
             begin(job, &mut renderer, &mut turns);
         }
-        if let Some((group, job)) = turns.pop()
-            && let Some(unfinished) = take_turn(job, &mut renderer)
-        {
-            turns.push(group, unfinished);
-        }
+        let outcome = turns.pop().map(|(group, job)| (group, take_turn(job, &mut renderer)));
+        // Before the answer: whoever has it reads what is in use now.
         *published.memory.lock().unwrap_or_else(PoisonError::into_inner) = renderer.memory();
+        match outcome {
+            Some((group, Outcome::Unfinished(job))) => turns.push(group, job),
+            Some((_, Outcome::Answered(answer))) => answer(),
+            None => {}
+        }
         if renderer.is_lost() {
             // The handle's `is_alive` turns false with this thread; waiting jobs are answered `Gone`.
             tracing::error!("the graphics device is lost; the render thread ends");
@@ -89,44 +91,53 @@ fn begin(job: Job, renderer: &mut Renderer, turns: &mut Turns<Active>) {
     turns.push(job.group, active);
 }
 
-/// Advances a job; gives it back if it needs more turns and its client still waits.
-fn take_turn(job: Active, renderer: &mut Renderer) -> Option<Active> {
+/// What a turn came to.
+enum Outcome {
+    /// The job needs more turns.
+    Unfinished(Active),
+    /// The job is over; to be called to tell its client.
+    Answered(Box<dyn FnOnce()>),
+}
+
+/// Advances a job whose client still waits.
+fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
     match job {
-        Active::Upload(mut job, reply) => {
-            // An upload whose client left goes on to its end: the client's side then removes the volume,
-            // which it can only do for one that is there.
-            match job.advance(renderer) {
-                Ok(Turn::Pending(_)) => return Some(Active::Upload(job, reply)),
-                Ok(Turn::Done(residency)) => drop(reply.send(Ok(residency))),
-                Err(error) => drop(reply.send(Err(error))),
-            }
-        }
+        // An upload whose client left goes on to its end: the client's side then removes the volume,
+        // which it can only do for one that is there.
+        Active::Upload(mut job, reply) => match job.advance(renderer) {
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Active::Upload(job, reply)),
+            Ok(Turn::Done(residency)) => answer(reply, Ok(residency)),
+            Err(error) => answer(reply, Err(error)),
+        },
         Active::Frame(mut job, reply, waited) if !reply.is_closed() => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => return Some(Active::Frame(job, reply, waited)),
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Active::Frame(job, reply, waited)),
             Ok(Turn::Done(mut frame)) => {
                 frame.timings.queue = waited;
-                drop(reply.send(Ok(frame)));
+                answer(reply, Ok(frame))
             }
-            Err(error) => drop(reply.send(Err(error))),
+            Err(error) => answer(reply, Err(error)),
         },
         Active::Accessibility(mut job, reply, waited) if !reply.is_closed() => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => return Some(Active::Accessibility(job, reply, waited)),
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Active::Accessibility(job, reply, waited)),
             Ok(Turn::Done(mut volume)) => {
                 volume.timings.queue = waited;
-                drop(reply.send(Ok(volume)));
+                answer(reply, Ok(volume))
             }
-            Err(error) => drop(reply.send(Err(error))),
+            Err(error) => answer(reply, Err(error)),
         },
         Active::Prepare(mut job, progress, reply) if !reply.is_closed() => match job.advance(renderer) {
             Ok(Turn::Pending(fraction)) => {
                 progress.send_replace(fraction);
-                return Some(Active::Prepare(job, progress, reply));
+                Outcome::Unfinished(Active::Prepare(job, progress, reply))
             }
-            Ok(Turn::Done(report)) => drop(reply.send(Ok(report))),
-            Err(error) => drop(reply.send(Err(error))),
+            Ok(Turn::Done(report)) => answer(reply, Ok(report)),
+            Err(error) => answer(reply, Err(error)),
         },
         // Whoever asked has left.
-        Active::Frame(..) | Active::Accessibility(..) | Active::Prepare(..) => {}
+        Active::Frame(..) | Active::Accessibility(..) | Active::Prepare(..) => Outcome::Answered(Box::new(|| ())),
     }
-    None
+}
+
+fn answer<T: 'static>(reply: Reply<T>, result: Result<T, RenderError>) -> Outcome {
+    Outcome::Answered(Box::new(move || drop(reply.send(result))))
 }

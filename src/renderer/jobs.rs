@@ -37,7 +37,12 @@ impl UploadJob {
     /// Any [`RenderError`]; nothing remains on the GPU then.
     pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<Residency>, RenderError> {
         let Some(mut upload) = self.upload.take() else {
-            let upload = Upload::new(&renderer.gpu, self.volume.clone()).map_err(|e| renderer.explain(e))?;
+            let upload = loop {
+                match Upload::new(&renderer.gpu, self.volume.clone()) {
+                    Err(error) if renderer.make_room(&error) => {}
+                    result => break result.map_err(|e| renderer.explain(e))?,
+                }
+            };
             self.upload = Some(upload);
             return Ok(Turn::Pending(0.0));
         };
@@ -99,6 +104,8 @@ impl AoProgress {
             self.build = None;
             return Ok(Turn::Pending(0.0));
         };
+        // Its levels are of no more use, and what comes next may need the memory.
+        self.build = None;
         Ok(self.done(resident, Some(result), AoUpdate::Full))
     }
 
@@ -173,8 +180,13 @@ impl FrameJob {
                 Turn::Done(done) => done,
             },
         };
-        let result = draw(renderer, &resident, &self.request, accessibility.as_deref(), ao);
-        renderer.with_resident(result).map(Turn::Done)
+        loop {
+            let result = draw(renderer, &resident, &self.request, accessibility.as_deref(), ao);
+            match renderer.with_resident(result) {
+                Err(error) if renderer.make_room(&error) => {}
+                result => break result.map(Turn::Done),
+            }
+        }
     }
 }
 

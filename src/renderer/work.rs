@@ -190,9 +190,10 @@ impl Renderer {
         }
         let source = self.ao_source(resident, scene);
         let build = loop {
-            match AoBuild::new(&self.gpu, source.clone(), scene.ambient_occlusion) {
-                Err(GpuError::OutOfMemory { .. }) if self.ao_cache.evict_one() => {}
-                result => break self.with_resident(result)?,
+            let build = AoBuild::new(&self.gpu, source.clone(), scene.ambient_occlusion);
+            match self.with_resident(build) {
+                Err(error) if self.make_room(&error) => {}
+                result => break result?,
             }
         };
         let build = Rc::new(RefCell::new(build));
@@ -234,6 +235,14 @@ impl Renderer {
             self.ao_cache.insert(key.clone(), accessibility.clone());
         }
         Ok(Some(accessibility))
+    }
+
+    /// Drops a cached result so that what failed can be tried again; false where that would not help.
+    pub(super) fn make_room(&mut self, error: &RenderError) -> bool {
+        let RenderError::DoesNotFit { needed_bytes, .. } = error else { return false };
+        let budget = &self.gpu.budget;
+        let without_cache = budget.used_bytes() - budget.used_by(Category::AoCache);
+        without_cache.saturating_add(*needed_bytes) <= budget.limit_bytes() && self.ao_cache.evict_one()
     }
 
     /// Adds what is resident to an out-of-memory error.

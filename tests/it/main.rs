@@ -8,6 +8,7 @@ mod container;
 mod gpu;
 mod house;
 mod reference;
+mod renderer;
 mod scene;
 mod support;
 mod tidy;

@@ -225,7 +225,7 @@ test('points are added by a double click, set in numbers, and removed by Delete'
 test('a preset replaces the transfer function', async () => {
   await withViewer(async (page) => {
     await settled(page);
-    await changing(page, () => page.click('.preset:has-text("Bone") >> nth=1'));
+    await changing(page, () => page.click('.preset:text-is("Bone")'));
     const { points } = (await sceneOf(page)).transfer_function;
     assert.equal(points[0].value, 140);
     assert.equal(await page.locator('.preset[aria-pressed=true]').textContent(), 'Bone');
@@ -287,7 +287,7 @@ test('a link to a scene that is gone makes it again', async () => {
   let link = '';
   await withViewer(async (page) => {
     await settled(page);
-    await changing(page, () => page.click('.preset:has-text("Skin") >> nth=1'));
+    await changing(page, () => page.click('.preset:text-is("Skin")'));
     await page.waitForTimeout(300);
     link = new URL(page.url()).hash;
   }, { hash: await freshScene() });
@@ -307,7 +307,7 @@ test('two pages of one scene see each other\'s edits but keep their own cameras'
     await settled(one);
     await withViewer(async (two) => {
       await settled(two);
-      await changing(two, () => one.click('.preset:has-text("Bone") >> nth=1'));
+      await changing(two, () => one.click('.preset:text-is("Bone")'));
       assert.equal(await two.locator('.preset[aria-pressed=true]').textContent(), 'Bone');
       const before = await readPicture(two);
       await changing(one, () => one.keyboard.press('2'));
@@ -360,10 +360,10 @@ test('a server with a key asks for it once', { skip: process.env.SPAO_URL ? 'nee
   const guarded = await startServer(BINARY, '127.0.0.1:0', ['--api-key', 'open-sesame']);
   try {
     await withViewer(async (page) => {
-      await page.getByLabel('API key').fill('wrong');
+      await page.getByRole('textbox', { name: 'API key' }).fill('wrong');
       await page.keyboard.press('Enter');
       await page.getByText('The last key was not accepted.').waitFor();
-      await page.getByLabel('API key').fill('open-sesame');
+      await page.getByRole('textbox', { name: 'API key' }).fill('open-sesame');
       await page.keyboard.press('Enter');
       await settled(page);
       await page.reload();
@@ -378,7 +378,7 @@ test('a server with a key asks for it once', { skip: process.env.SPAO_URL ? 'nee
 test('the page survives a restart of the server', { skip: process.env.SPAO_URL ? 'cannot restart it' : false }, async () => {
   await withViewer(async (page) => {
     await settled(page);
-    await changing(page, () => page.click('.preset:has-text("Bone") >> nth=1'));
+    await changing(page, () => page.click('.preset:text-is("Bone")'));
     const before = await sceneOf(page);
     await server.stop();
     await page.locator('#banner').waitFor();

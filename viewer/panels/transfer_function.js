@@ -15,7 +15,7 @@ export function transferFunctionPanel({ store, session }) {
   const presets = h('div', { class: 'presets', role: 'group', 'aria-label': 'Presets' });
   const point = selectedPoint(editor);
   const fit = button('Whole range', () => editor.showAll(), { class: 'button quiet', hidden: true });
-  const add = button('', () => editor.addAnywhere(), { class: 'button quiet with-icon' });
+  const add = button('', () => editor.addAnywhere(), { class: 'button quiet' });
   add.append(icon('plus'), 'Add point');
   const hint = h('p', { class: 'note' }, 'Double-click to add or remove a point. Ctrl and scroll zoom in on values.');
 
@@ -38,7 +38,7 @@ export function transferFunctionPanel({ store, session }) {
       const [histogram, list] = await Promise.all([histogramOf(volume.id), api.presets(volume.id)]);
       if (session.volume?.id !== volume.id) return;
       editor.setHistogram(histogram, volume.voxel_type);
-      presets.replaceChildren(...list.filter((preset) => overlaps(preset, volume)).map((preset) => presetButton(preset, store)));
+      presets.replaceChildren(...sorted(list, volume).map((preset) => presetButton(preset, store)));
       if (store.scene) markPreset(presets, store.scene.transfer_function);
     } catch (error) {
       toastError(error);
@@ -71,6 +71,14 @@ function selectedPoint(editor) {
   };
   editor.on('select', refresh);
   return { element, refresh };
+}
+
+/** Those for the volume's kind of values first, without those that show nothing. */
+function sorted(presets, volume) {
+  // Hounsfield units go down to air.
+  const isCt = volume.value_range[0] < -200;
+  const fits = ({ modality }) => Number((modality === 'CT') === isCt);
+  return presets.filter((preset) => overlaps(preset, volume)).sort((a, b) => fits(b) - fits(a));
 }
 
 /** Whether a preset shows anything of a volume: one for Hounsfield units is nothing to values from 0 to 1. */

@@ -34,8 +34,12 @@ export function volumesPanel({ library, session }, actions) {
     addButtons(actions)));
 }
 
-/** A button for files and a menu of computed volumes; also the empty page has them. @param {VolumeActions} actions */
-export function addButtons(actions) {
+/**
+ * A button for files and a menu of computed volumes; also the empty page has them.
+ * @param {VolumeActions} actions
+ * @param {boolean} [isFirst] whether there is nothing else to do
+ */
+export function addButtons(actions, isFirst = false) {
   const picker = h('input', {
     type: 'file', multiple: true, hidden: true, 'aria-label': 'Volume files',
     onchange: () => {
@@ -43,7 +47,7 @@ export function addButtons(actions) {
       picker.value = '';
     },
   });
-  const open = button('', () => picker.click(), { class: 'button with-icon' });
+  const open = button('', () => picker.click(), { class: isFirst ? 'button primary' : 'button' });
   open.append(icon('upload'), 'Open file');
   const menu = proceduralMenu(actions);
   return h('div', { class: 'row add-volume' }, picker, open, menu);

@@ -31,8 +31,7 @@ fn opaque_where(dims: [u32; 3], opaque: impl Fn([u32; 3]) -> bool) -> Arc<Volume
 fn where_nothing_is_visible_everything_is_open() {
     let subject = Subject::new(boxes());
     let transparent = opacities(&[(0.0, 0.0), (255.0, 0.0)]);
-    for settings in
-        [n_buffer(6, 1.0), mipmap(6, 0.0), hybrid(6, 2, 2.0), raytraced(6, 0.0, 16), raytraced(6, 1.0, 16)]
+    for settings in [n_buffer(6, 1.0), mipmap(6, 0.0), hybrid(6, 2, 2.0), raytraced(6, 0.0, 16), raytraced(6, 1.0, 16)]
     {
         assert!(subject.accessibility(&transparent, settings).iter().all(|&a| a == 1.0), "{settings:?}");
     }
@@ -99,7 +98,9 @@ fn inside_homogeneous_fog_accessibility_is_a_power_or_an_integral() {
     let alpha = 0.1;
     let transfer = opacities(&[(7.0, alpha)]);
     let middle = |settings| accessibility_at(&subject, &subject.accessibility(&transfer, settings), [11, 10, 11]);
-    for (levels, settings) in [(3, n_buffer(3, 0.0)), (4, n_buffer(4, 1.0)), (2, mipmap(2, 1.0)), (3, hybrid(3, 1, 1.0))] {
+    for (levels, settings) in
+        [(3, n_buffer(3, 0.0)), (4, n_buffer(4, 1.0)), (2, mipmap(2, 1.0)), (3, hybrid(3, 1, 1.0))]
+    {
         assert_close(middle(settings), (1.0 - alpha).powi(levels), 8.0 * ROUNDING);
     }
     // The integral's length is exact, a ray's is a multiple of half a voxel.

@@ -49,7 +49,10 @@ fn rows_and_slices_hold_what_a_look_up_at_the_last_cell_touches() {
                 assert_eq!(layout.slice_bytes() % 256, 0, "bindings start at slices");
                 assert_eq!(layout.bytes(), layout.slice_bytes() * u64::from(z));
                 let info = layout.info(3);
-                assert_eq!((info.extent, info.row_words, info.slice_words), (layout.extent, x.div_ceil(2), layout.slice_words));
+                assert_eq!(
+                    (info.extent, info.row_words, info.slice_words),
+                    (layout.extent, x.div_ceil(2), layout.slice_words)
+                );
                 assert_eq!((info.first_slice, info.width), (3, layout.width as f32));
                 assert_eq!(info.inverse_scale * f32::from(1_u16 << layout.shift), 1.0);
             }

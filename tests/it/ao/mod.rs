@@ -7,6 +7,5 @@ mod plan;
 mod raytraced;
 mod spao;
 mod support;
-mod surface;
 mod turns;
 mod variants;

@@ -10,6 +10,9 @@ use super::support::{hybrid, mipmap, n_buffer, raytraced};
 /// Cells of the largest step unless a single slice has more.
 const STEP_CELLS: u64 = 4 << 20;
 
+/// Samples of the largest step, which looks up all levels.
+const STEP_SAMPLES: u64 = 1 << 20;
+
 /// Bytes of every binding of an adapter that only has what is guaranteed.
 const GUARANTEED_BINDING: u64 = 128 << 20;
 
@@ -116,15 +119,17 @@ fn the_check_of_plans_notices_a_missing_a_doubled_a_late_and_a_wrong_step() {
         faults(dims, &settings, &steps).len()
     };
     assert_eq!(faulty(&|_| ()), 0);
-    assert!(faulty(&|steps| drop(steps.remove(1))) > 0);
-    assert!(faulty(&|steps| drop(steps.pop())) > 0);
+    assert!(faulty(&|steps| steps.truncate(steps.len() - 2)) > 0);
+    assert!(faulty(&|steps| steps.retain(|step| step != &good[1])) > 0);
     assert!(faulty(&|steps| steps.insert(1, steps[1].clone())) > 0);
     assert!(faulty(&|steps| steps.rotate_left(1)) > 0);
     let mipmap = |step: &Step| matches!(step, Step::Mipmap(..));
-    assert!(faulty(&|steps| {
-        let at = steps.iter().position(mipmap).expect("one level is halved");
-        steps[at] = Step::NBuffer(1, stage(&steps[at]).1);
-    }) > 0);
+    assert!(
+        faulty(&|steps| {
+            let at = steps.iter().position(mipmap).expect("one level is halved");
+            steps[at] = Step::NBuffer(1, stage(&steps[at]).1);
+        }) > 0
+    );
 }
 
 #[test]
@@ -136,7 +141,8 @@ fn no_step_is_larger_than_a_fraction_of_a_second_of_work() {
             let steps = steps(dims, &settings, u64::MAX).expect("nothing is too large for such an adapter");
             for step in &steps {
                 let one_slice = stage(step).1.len() == 1;
-                assert!(one_slice || cells(dims, &layouts, step) <= STEP_CELLS, "{dims:?} {step:?}");
+                let most = if matches!(step, Step::Combine(_)) { STEP_SAMPLES } else { STEP_CELLS };
+                assert!(one_slice || cells(dims, &layouts, step) <= most, "{dims:?} {step:?}");
                 // A dispatch covers samples row by row, of all slices, in groups of eight.
                 if let Step::Combine(slices) = step {
                     assert!((slices.len() as u64 * u64::from(dims[1])).div_ceil(8) <= 65_535, "{dims:?} {step:?}");
@@ -150,7 +156,8 @@ fn no_step_is_larger_than_a_fraction_of_a_second_of_work() {
 
 /// Bytes of the largest binding that a step needs; the margins are those of the lookup distances of METHODS 2 and 3.
 fn binding_bytes(dims: [u32; 3], settings: &AmbientOcclusion, layouts: &[LevelLayout], step: &Step) -> u64 {
-    let bytes = |level: usize, slices: u64| slices.min(u64::from(layouts[level].extent[2])) * layouts[level].slice_bytes();
+    let bytes =
+        |level: usize, slices: u64| slices.min(u64::from(layouts[level].extent[2])) * layouts[level].slice_bytes();
     let (level, slices) = (stage(step).0 as usize, stage(step).1.len() as u64);
     match step {
         Step::Classify(_) => bytes(0, slices),

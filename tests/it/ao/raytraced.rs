@@ -22,7 +22,6 @@ const VOXELS: usize = 6_000;
 fn assert_like_twin(subject: &Subject, what: &str, transfer: &TransferFunction, settings: AmbientOcclusion) {
     let errors = errors(subject, transfer, settings, VOXELS);
     let dims = subject.volume.grid.dims;
-    if std::env::var("SHOW").is_ok() { eprintln!("{dims:?} {what} {:?} L{} f{} {}: {:.4} {:.4}", settings.radius, settings.levels, settings.normal_factor, settings.rays, errors.largest*255.0, errors.rms*255.0); }
     assert!(errors.are_within(LARGEST, RMS), "{dims:?}, {what}, {settings:?}: {errors:?}");
 }
 

@@ -16,7 +16,6 @@ const RMS: f64 = 0.01 * DISPLAY_STEP;
 fn assert_like_twin(subject: &Subject, what: &str, transfer: &TransferFunction, settings: AmbientOcclusion) {
     let errors = errors(subject, transfer, settings, 120_000);
     let dims = subject.volume.grid.dims;
-    if std::env::var("SHOW").is_ok() { eprintln!("{dims:?} {what} {:?} L{} m{} f{}: {:.4} {:.4}", settings.structure, settings.levels, settings.mip_levels, settings.normal_factor, errors.largest*255.0, errors.rms*255.0); }
     assert!(errors.are_within(LARGEST, RMS), "{dims:?}, {what}, {settings:?}: {errors:?}");
 }
 
@@ -89,7 +88,8 @@ fn values_of_8_and_16_bits_and_floats_are_like_their_twin() {
         assert_like_twin(&Subject::new(floats.into()), "floats", &transfer, n_buffer(6, 1.0));
     }
     // One value only: no normal, no contrast.
-    let flat = Volume::new(Grid::axis_aligned([5, 6, 7], DVec3::ONE), Voxels::I16(vec![-3; 210])).expect("a valid volume");
+    let flat =
+        Volume::new(Grid::axis_aligned([5, 6, 7], DVec3::ONE), Voxels::I16(vec![-3; 210])).expect("a valid volume");
     assert_like_twin(&Subject::new(flat.into()), "flat", &opacities(&[(0.0, 0.3)]), n_buffer(6, 1.0));
 }
 

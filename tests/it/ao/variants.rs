@@ -29,9 +29,7 @@ fn windows_of_levels_give_the_same_bits_as_whole_levels() {
     let transfer = opacities(&[(20.0, 0.0), (200.0, 0.7)]);
     let whole = Subject::new(boxes());
     let dims = whole.volume.grid.dims;
-    for settings in
-        [n_buffer(5, 1.0), n_buffer(5, 0.0), mipmap(6, 2.0), hybrid(6, 2, 1.0), raytraced(3, 1.0, 16)]
-    {
+    for settings in [n_buffer(5, 1.0), n_buffer(5, 0.0), mipmap(6, 2.0), hybrid(6, 2, 1.0), raytraced(3, 1.0, 16)] {
         let binding = tightest_binding(dims, &settings);
         let layouts = level_layouts(dims, &settings);
         assert!(layouts.iter().any(|l| l.bytes() > binding), "{settings:?}: {binding} bytes hold every level");

@@ -31,7 +31,8 @@ fn a_fragment_is_put_in_once_however_often_it_is_imported() {
 
 #[test]
 fn fragments_that_import_each_other_end() {
-    let sources = [("pass", "#import common/a\nx"), ("common/a", "#import common/b\na"), ("common/b", "#import common/a\nb")];
+    let sources =
+        [("pass", "#import common/a\nx"), ("common/a", "#import common/b\na"), ("common/b", "#import common/a\nb")];
     assert_eq!(assembled(&sources).expect("each is put in once").wgsl, "b\na\nx\n");
 }
 
@@ -75,7 +76,8 @@ fn a_syntax_error_is_where_it_was_written() {
     let main = "@compute @workgroup_size(1)\nfn main() {}";
     parse(&[("pass", main)]).expect("this is WGSL");
     assert_error(parse(&[("pass", "fn f() {}\n\nfn g( {}")]), "pass", 3, "expected");
-    let imported = [("pass", "fn f() {}\n#import common/a\nfn g() {}"), ("common/a", "\nfn a() {}\nfn b() { let x = ; }")];
+    let imported =
+        [("pass", "fn f() {}\n#import common/a\nfn g() {}"), ("common/a", "\nfn a() {}\nfn b() { let x = ; }")];
     assert_error(parse(&imported), "common/a", 3, "expected");
     let after_import = [("pass", "#import common/a\nlet;"), ("common/a", "fn a() {}\nfn b() {}")];
     assert_error(parse(&after_import), "pass", 2, "expected");
@@ -88,7 +90,8 @@ fn a_syntax_error_is_where_it_was_written() {
 
 #[test]
 fn an_unknown_name_is_where_it_was_used() {
-    let sources = [("pass", "#import common/a\nfn g() -> f32 { return missing; }"), ("common/a", "fn a() {}\nfn b() {}\n")];
+    let sources =
+        [("pass", "#import common/a\nfn g() -> f32 { return missing; }"), ("common/a", "fn a() {}\nfn b() {}\n")];
     assert_error(assembled(&sources).expect("both are there").parse(), "pass", 2, "missing");
 }
 

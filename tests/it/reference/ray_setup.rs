@@ -72,49 +72,24 @@ fn a_plane_keeps_the_side_where_it_is_positive() {
 fn the_visible_interval_is_in_world_units_and_within_volume_box_clip_box_and_planes() {
     // 10 x 10 x 10 voxels of 1 x 2 x 3, from (-0.5, -1, -1.5).
     let grid = Grid::axis_aligned([10; 3], DVec3::new(1.0, 2.0, 3.0));
-    let ray = Ray {
-        origin: DVec3::new(3.0, 3.0, -11.5),
-        direction: DVec3::Z,
-    };
+    let ray = Ray { origin: DVec3::new(3.0, 3.0, -11.5), direction: DVec3::Z };
     assert_interval(visible_interval(&ray, &grid, &rendering()), 10.0, 40.0);
-    let clip_box = Some(ClipBox {
-        min: DVec3::new(0.0, 0.0, -0.5),
-        max: DVec3::new(5.0, 5.0, 20.5),
-    });
-    let clipped = Rendering {
-        clip_box,
-        ..rendering()
-    };
+    let clip_box = Some(ClipBox { min: DVec3::new(0.0, 0.0, -0.5), max: DVec3::new(5.0, 5.0, 20.5) });
+    let clipped = Rendering { clip_box, ..rendering() };
     assert_interval(visible_interval(&ray, &grid, &clipped), 11.0, 32.0);
-    let plane = ClipPlane {
-        normal: DVec3::NEG_Z,
-        d: 8.5,
-    };
-    let cut = Rendering {
-        clip_planes: vec![plane],
-        ..clipped
-    };
+    let plane = ClipPlane { normal: DVec3::NEG_Z, d: 8.5 };
+    let cut = Rendering { clip_planes: vec![plane], ..clipped };
     assert_interval(visible_interval(&ray, &grid, &cut), 11.0, 20.0);
-    let aside = Ray {
-        origin: DVec3::new(6.0, 3.0, -11.5),
-        ..ray
-    };
+    let aside = Ray { origin: DVec3::new(6.0, 3.0, -11.5), ..ray };
     assert!(visible_interval(&aside, &grid, &cut).is_empty());
 }
 
 #[test]
 fn an_oblique_grid_is_entered_through_its_own_faces() {
     let mut grid = Grid::axis_aligned([4, 4, 4], DVec3::ONE);
-    grid.direction = [
-        DVec3::new(1.0, 1.0, 0.0).normalize(),
-        DVec3::new(-1.0, 1.0, 0.0).normalize(),
-        DVec3::Z,
-    ];
+    grid.direction = [DVec3::new(1.0, 1.0, 0.0).normalize(), DVec3::new(-1.0, 1.0, 0.0).normalize(), DVec3::Z];
     let middle = grid.center();
-    let ray = Ray {
-        origin: middle - DVec3::X * 50.0,
-        direction: DVec3::X,
-    };
+    let ray = Ray { origin: middle - DVec3::X * 50.0, direction: DVec3::X };
     // Through the middle of a square turned by 45 degrees: its diagonal.
     let half = 2.0 * 2.0_f64.sqrt();
     assert_interval(visible_interval(&ray, &grid, &rendering()), 50.0 - half, 50.0 + half);
@@ -122,29 +97,18 @@ fn an_oblique_grid_is_entered_through_its_own_faces() {
 
 #[test]
 fn rays_go_through_pixel_centres_with_y_from_the_top() {
-    let camera = |projection| Camera {
-        eye: DVec3::new(0.0, 0.0, 10.0),
-        target: DVec3::ZERO,
-        up: DVec3::Y,
-        projection,
-    };
+    let camera = |projection| Camera { eye: DVec3::new(0.0, 0.0, 10.0), target: DVec3::ZERO, up: DVec3::Y, projection };
     let (width, height) = (4, 2);
     let flat = camera(Projection::Orthographic { height: 2.0 }).ray_basis(width, height);
     let first = pixel_ray(&flat, 0, 0, width, height);
-    assert!(
-        (first.origin - DVec3::new(-1.5, 0.5, 10.0)).length() < 1e-12,
-        "{first:?}"
-    );
+    assert!((first.origin - DVec3::new(-1.5, 0.5, 10.0)).length() < 1e-12, "{first:?}");
     assert_eq!(first.direction, DVec3::NEG_Z);
     let last = pixel_ray(&flat, 3, 1, width, height);
     assert!((last.origin - DVec3::new(1.5, -0.5, 10.0)).length() < 1e-12, "{last:?}");
     let deep = camera(Projection::Perspective { fov_y_deg: 90.0 }).ray_basis(width, height);
     let first = pixel_ray(&deep, 0, 0, width, height);
     assert_eq!(first.origin, DVec3::new(0.0, 0.0, 10.0));
-    assert!(
-        (first.direction - DVec3::new(-1.5, 0.5, -1.0).normalize()).length() < 1e-12,
-        "{first:?}"
-    );
+    assert!((first.direction - DVec3::new(-1.5, 0.5, -1.0).normalize()).length() < 1e-12, "{first:?}");
 }
 
 fn places(enter: f64, exit: f64, step: f64) -> Vec<f64> {

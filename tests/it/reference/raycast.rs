@@ -12,17 +12,10 @@ use super::support::{ao_settings, assert_close, largest_difference};
 
 /// Looks along -z from far enough above; nothing but the transfer function's own colour, no light.
 pub(super) fn flat_scene(points: &[(f64, [f64; 3], f64)], camera: Camera) -> Scene {
-    let point = |&(value, rgb, opacity): &(f64, [f64; 3], f64)| ControlPoint {
-        value,
-        color: Rgb(rgb),
-        opacity,
-    };
+    let point = |&(value, rgb, opacity): &(f64, [f64; 3], f64)| ControlPoint { value, color: Rgb(rgb), opacity };
     Scene {
         volume: VolumeId("v_test".into()),
-        transfer_function: TransferFunction {
-            points: points.iter().map(point).collect(),
-            opacity_unit_distance: None,
-        },
+        transfer_function: TransferFunction { points: points.iter().map(point).collect(), opacity_unit_distance: None },
         camera,
         ambient_occlusion: ao_settings(),
         lighting: Lighting {
@@ -49,12 +42,7 @@ pub(super) fn flat_scene(points: &[(f64, [f64; 3], f64)], camera: Camera) -> Sce
 fn from_above(grid: &Grid, height: f64) -> Camera {
     let target = grid.center();
     let eye = target + DVec3::Z * 100.3;
-    Camera {
-        eye,
-        target,
-        up: DVec3::Y,
-        projection: Projection::Orthographic { height },
-    }
+    Camera { eye, target, up: DVec3::Y, projection: Projection::Orthographic { height } }
 }
 
 const ORANGE: [f64; 3] = [0.9, 0.5, 0.1];
@@ -132,11 +120,7 @@ fn a_slanted_ray_through_a_slab_goes_a_longer_way() {
     scene.camera.eye = target - direction * 60.0;
     scene.camera.projection = Projection::Perspective { fov_y_deg: 10.0 };
     // The middle ray leaves 8 voxels of y after 8 / 0.6 and 10 of z after 10 / 0.8 voxels.
-    let input = RaycastInput {
-        width: 1,
-        height: 1,
-        ..slab.input(&scene)
-    };
+    let input = RaycastInput { width: 1, height: 1, ..slab.input(&scene) };
     let alpha = Raycaster::new(input).pixel(0, 0)[3];
     assert_close(alpha, 1.0 - 0.95_f64.powf(12.5), 1e-12);
 }
@@ -152,10 +136,7 @@ fn the_picture_lies_over_the_background_with_straight_alpha() {
     scene.rendering.background = Rgba([0.2, 0.4, 1.0, 0.5]);
     let out = alpha + (1.0 - alpha) * 0.5;
     let straight = |c: usize, background: f64| (alpha * ORANGE[c] + (1.0 - alpha) * 0.5 * background) / out;
-    assert_pixel(
-        slab.pixel(&scene),
-        [straight(0, 0.2), straight(1, 0.4), straight(2, 1.0), out],
-    );
+    assert_pixel(slab.pixel(&scene), [straight(0, 0.2), straight(1, 0.4), straight(2, 1.0), out]);
     scene.transfer_function.points[0].opacity = 0.0;
     assert_pixel(slab.pixel(&scene), [0.2, 0.4, 1.0, 0.5]);
     scene.rendering.background = Rgba([0.2, 0.4, 1.0, 0.0]);
@@ -179,28 +160,16 @@ fn an_opaque_volume_hides_what_is_behind_and_ends_the_ray() {
 fn clipping_removes_exactly_what_is_clipped() {
     let slab = Slab::new();
     let transmittance = |rendering: Rendering| {
-        let scene = Scene {
-            rendering,
-            ..slab.scene(0.1)
-        };
+        let scene = Scene { rendering, ..slab.scene(0.1) };
         1.0 - slab.pixel(&scene)[3]
     };
     let none = slab.scene(0.1).rendering;
     // The slab's z is -0.5..9.5.
     let below = |z: f64| Rendering {
-        clip_box: Some(ClipBox {
-            min: DVec3::splat(-100.0),
-            max: DVec3::new(100.0, 100.0, z),
-        }),
+        clip_box: Some(ClipBox { min: DVec3::splat(-100.0), max: DVec3::new(100.0, 100.0, z) }),
         ..none.clone()
     };
-    let above = |z: f64| Rendering {
-        clip_planes: vec![ClipPlane {
-            normal: DVec3::Z,
-            d: -z,
-        }],
-        ..none.clone()
-    };
+    let above = |z: f64| Rendering { clip_planes: vec![ClipPlane { normal: DVec3::Z, d: -z }], ..none.clone() };
     for z in [2.2, 3.31, 4.8, 5.05, 7.7] {
         assert_close(transmittance(below(z)), 0.9_f64.powf(z + 0.5), 1e-12);
         assert_close(transmittance(above(z)), 0.9_f64.powf(9.5 - z), 1e-12);
@@ -215,12 +184,7 @@ fn values_are_interpolated_before_they_are_classified_and_run_linearly_between_s
     let grid = Grid::axis_aligned(dims, DVec3::ONE);
     let values = ValueField::from_fn(dims, |[.., k]| f64::from(k));
     // Only values between those of the two layers are opaque.
-    let points = [
-        (40.0, ORANGE, 0.0),
-        (40.0, ORANGE, 0.5),
-        (60.0, ORANGE, 0.5),
-        (60.0, ORANGE, 0.0),
-    ];
+    let points = [(40.0, ORANGE, 0.0), (40.0, ORANGE, 0.5), (60.0, ORANGE, 0.5), (60.0, ORANGE, 0.0)];
     let mut scene = flat_scene(&points, from_above(&grid, 8.0));
     let code_map = CodeMap::for_integers(0.0, 100.0);
     let mut alpha_at = |rate: f64| {
@@ -249,10 +213,7 @@ fn red_of_a_cut_stack(slope: f64, accessibility: &[f64]) -> f64 {
     let grid = Grid::axis_aligned(dims, DVec3::new(1.0, 1.0, 2.0));
     let values = ValueField::from_fn(dims, |[.., k]| slope * f64::from(k));
     let mut scene = flat_scene(&[(0.0, ORANGE, 1.0)], from_above(&grid, 8.0));
-    scene.rendering.clip_planes = vec![ClipPlane {
-        normal: DVec3::NEG_Z,
-        d: 11.0,
-    }];
+    scene.rendering.clip_planes = vec![ClipPlane { normal: DVec3::NEG_Z, d: 11.0 }];
     let input = RaycastInput {
         grid: &grid,
         values: &values,
@@ -284,11 +245,7 @@ fn accessibility_darkens_by_its_strength_and_exposure_makes_up_for_it() {
     let slab = Slab::new();
     let mut scene = slab.scene(1.0);
     let red = |scene: &Scene, accessibility: Option<&[f64]>, exposure: Exposure| {
-        let input = RaycastInput {
-            accessibility,
-            exposure,
-            ..slab.input(scene)
-        };
+        let input = RaycastInput { accessibility, exposure, ..slab.input(scene) };
         Raycaster::new(input).pixel(3, 4)[0]
     };
     let per_layer: Vec<f64> = (0..640).map(|i| if i / 64 == 9 { 0.2 } else { 0.8 }).collect();
@@ -313,19 +270,9 @@ fn halving_the_step_keeps_the_picture_and_forgetting_opacity_correction_does_not
         let distance = (DVec3::from_array(v.map(f64::from)) - centre).length();
         (1.0 - distance / 12.0).clamp(0.0, 1.0)
     });
-    let points = [
-        (10.0, [0.1, 0.2, 0.9], 0.0),
-        (60.0, [0.9, 0.6, 0.2], 0.1),
-        (100.0, [1.0, 1.0, 0.9], 0.2),
-    ];
+    let points = [(10.0, [0.1, 0.2, 0.9], 0.0), (60.0, [0.9, 0.6, 0.2], 0.1), (100.0, [1.0, 1.0, 0.9], 0.2)];
     let mut scene = flat_scene(&points, from_above(&grid, 26.0));
-    scene.lighting = Lighting {
-        ambient: 0.3,
-        diffuse: 0.6,
-        specular: 0.2,
-        shininess: 20.0,
-        ..scene.lighting
-    };
+    scene.lighting = Lighting { ambient: 0.3, diffuse: 0.6, specular: 0.2, shininess: 20.0, ..scene.lighting };
     let code_map = CodeMap::for_integers(0.0, 100.0);
     let picture = |scene: &Scene| {
         let input = RaycastInput {
@@ -340,11 +287,7 @@ fn halving_the_step_keeps_the_picture_and_forgetting_opacity_correction_does_not
         };
         // Premultiplied, so that colours of nearly clear pixels do not count.
         let premultiplied = |[r, g, b, a]: [f64; 4]| [r * a, g * a, b * a, a];
-        Raycaster::new(input)
-            .picture()
-            .into_iter()
-            .flat_map(premultiplied)
-            .collect::<Vec<f64>>()
+        Raycaster::new(input).picture().into_iter().flat_map(premultiplied).collect::<Vec<f64>>()
     };
     let coarse = picture(&scene);
     let mut finer = scene.clone();

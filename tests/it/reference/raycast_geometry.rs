@@ -28,28 +28,11 @@ fn oblique_grid() -> Grid {
 
 fn cameras(grid: &Grid) -> [Camera; 3] {
     let target = grid.center() + DVec3::new(1.0, -0.5, 0.3);
-    let camera = |away: DVec3, up: DVec3, projection| Camera {
-        eye: target + away,
-        target,
-        up,
-        projection,
-    };
+    let camera = |away: DVec3, up: DVec3, projection| Camera { eye: target + away, target, up, projection };
     [
-        camera(
-            DVec3::new(8.0, -35.0, 12.0),
-            DVec3::Z,
-            Projection::Perspective { fov_y_deg: 35.0 },
-        ),
-        camera(
-            DVec3::new(18.0, 9.0, -16.0),
-            DVec3::new(0.2, 1.0, 0.1),
-            Projection::Perspective { fov_y_deg: 50.0 },
-        ),
-        camera(
-            DVec3::new(-9.0, 21.0, 22.0),
-            DVec3::new(0.0, 0.3, 1.0),
-            Projection::Orthographic { height: 20.0 },
-        ),
+        camera(DVec3::new(8.0, -35.0, 12.0), DVec3::Z, Projection::Perspective { fov_y_deg: 35.0 }),
+        camera(DVec3::new(18.0, 9.0, -16.0), DVec3::new(0.2, 1.0, 0.1), Projection::Perspective { fov_y_deg: 50.0 }),
+        camera(DVec3::new(-9.0, 21.0, 22.0), DVec3::new(0.0, 0.3, 1.0), Projection::Orthographic { height: 20.0 }),
     ]
 }
 
@@ -113,18 +96,11 @@ fn one_bright_voxel_appears_where_it_projects_to_and_nowhere_mirrored() {
                 projected(&camera, grid.world_from_index().transform_point3(centre))
             };
             let off = distance(found, pixel_of(voxel));
-            assert!(
-                off < 0.15,
-                "{voxel:?}: found at {found:?}, expected at {:?}",
-                pixel_of(voxel)
-            );
+            assert!(off < 0.15, "{voxel:?}: found at {found:?}, expected at {:?}", pixel_of(voxel));
             // A neighbour, a mirrored axis or swapped axes would be seen.
             let [x, y, z] = voxel;
             for wrong in [[8 - x, y, z], [x, 6 - y, z], [x, y, z + 1], [x - 1, y, z], [y, x, z]] {
-                assert!(
-                    distance(found, pixel_of(wrong)) > 0.8,
-                    "{voxel:?} cannot be told from {wrong:?}"
-                );
+                assert!(distance(found, pixel_of(wrong)) > 0.8, "{voxel:?} cannot be told from {wrong:?}");
             }
         }
     }
@@ -182,31 +158,19 @@ fn a_ball_is_brightest_towards_the_light() {
     });
     let target = grid.center();
     let projection = Projection::Orthographic { height: 20.0 };
-    let camera = Camera {
-        eye: target - DVec3::Y * 50.0,
-        target,
-        up: DVec3::Z,
-        projection,
-    };
+    let camera = Camera { eye: target - DVec3::Y * 50.0, target, up: DVec3::Z, projection };
     let mut scene = flat_scene(&[(45.0, [0.8; 3], 0.0), (55.0, [0.8; 3], 1.0)], camera);
     scene.lighting.ambient = 0.1;
     scene.lighting.diffuse = 0.9;
     scene.rendering.sampling_rate = 4.0;
     let code_map = CodeMap::for_integers(0.0, 100.0);
     let brightness = |scene: &Scene, x: u32, y: u32| {
-        let square = RaycastInput {
-            width: 20,
-            height: 20,
-            ..input(&grid, &values, &code_map, scene)
-        };
+        let square = RaycastInput { width: 20, height: 20, ..input(&grid, &values, &code_map, scene) };
         Raycaster::new(square).pixel(x, y)[0]
     };
     // Seen along +y with z up, the world's x points to the right.
     let head_light = [[10, 10], [15, 10], [4, 10], [10, 4], [10, 15]].map(|[x, y]| brightness(&scene, x, y));
-    assert!(
-        head_light[1..].iter().all(|&b| b < head_light[0] - 0.1),
-        "{head_light:?}"
-    );
+    assert!(head_light[1..].iter().all(|&b| b < head_light[0] - 0.1), "{head_light:?}");
     assert_close(head_light[1], head_light[2], 0.01);
     scene.lighting.direction = Some(DVec3::X);
     assert!(brightness(&scene, 15, 10) > brightness(&scene, 10, 10) + 0.3);

@@ -21,10 +21,7 @@ fn lighting() -> Lighting {
 }
 
 fn illumination() -> Illumination {
-    Illumination {
-        ray_direction: DVec3::NEG_Z,
-        openness: 1.0,
-    }
+    Illumination { ray_direction: DVec3::NEG_Z, openness: 1.0 }
 }
 
 /// The first channel of a surface with the given gradient.
@@ -38,20 +35,14 @@ fn the_diffuse_term_follows_the_cosine() {
     assert_close(red(DVec3::Z, &lighting()), 0.8 * 0.7, 1e-12);
     assert_close(red(tilted, &lighting()), 0.8 * (0.2 + 0.5 * 0.8), 1e-12);
     assert_close(red(DVec3::X, &lighting()), 0.8 * 0.2, 1e-12);
-    let from_above = Lighting {
-        direction: Some(DVec3::Y),
-        ..lighting()
-    };
+    let from_above = Lighting { direction: Some(DVec3::Y), ..lighting() };
     assert_close(red(tilted, &from_above), 0.8 * (0.2 + 0.5 * 0.6), 1e-12);
 }
 
 #[test]
 fn normals_are_turned_to_the_viewer_and_not_to_the_light() {
     assert_eq!(red(DVec3::Z, &lighting()), red(DVec3::NEG_Z, &lighting()));
-    let from_behind = Lighting {
-        direction: Some(DVec3::NEG_Z),
-        ..lighting()
-    };
+    let from_behind = Lighting { direction: Some(DVec3::NEG_Z), ..lighting() };
     assert_close(red(DVec3::Z, &from_behind), 0.8 * 0.2, 1e-12);
 }
 
@@ -61,68 +52,30 @@ fn a_weak_gradient_is_lit_flat_and_a_missing_one_too() {
     assert_close(across(0.0), 0.8 * 0.7, 1e-12);
     assert_close(across(0.01), 0.8 * (0.2 + 0.5 * 0.5), 1e-12);
     assert_close(across(0.02), 0.8 * 0.2, 1e-12);
-    let shiny = Lighting {
-        specular: 1.0,
-        ambient: 0.0,
-        diffuse: 0.0,
-        ..lighting()
-    };
+    let shiny = Lighting { specular: 1.0, ambient: 0.0, diffuse: 0.0, ..lighting() };
     assert_eq!(red(DVec3::ZERO, &shiny), 0.0);
     assert_close(red(DVec3::Z * 0.01, &shiny), 0.5, 1e-12);
 }
 
 #[test]
 fn the_specular_term_has_the_lights_colour_and_needs_light() {
-    let shiny = Lighting {
-        specular: 0.5,
-        ambient: 0.0,
-        diffuse: 0.0,
-        color: Rgb([1.0, 0.5, 0.0]),
-        ..lighting()
-    };
+    let shiny = Lighting { specular: 0.5, ambient: 0.0, diffuse: 0.0, color: Rgb([1.0, 0.5, 0.0]), ..lighting() };
     let color = illuminate(BASE, DVec3::Z, &shiny, &illumination());
     assert_eq!(color, Rgb([0.5, 0.25, 0.0]));
     let half_way = DVec3::new(0.0, 0.5_f64.sqrt(), 0.5_f64.sqrt());
-    let from_above = Lighting {
-        direction: Some(DVec3::Y),
-        ..shiny
-    };
+    let from_above = Lighting { direction: Some(DVec3::Y), ..shiny };
     assert_close(red(half_way, &from_above), 0.5, 1e-12);
-    assert_close(
-        red(DVec3::new(0.0, 0.6, 0.8), &from_above),
-        0.5 * (1.4 * 0.5_f64.sqrt()).powi(10),
-        1e-12,
-    );
-    let from_below = Lighting {
-        direction: Some(DVec3::NEG_Y),
-        ..shiny
-    };
+    assert_close(red(DVec3::new(0.0, 0.6, 0.8), &from_above), 0.5 * (1.4 * 0.5_f64.sqrt()).powi(10), 1e-12);
+    let from_below = Lighting { direction: Some(DVec3::NEG_Y), ..shiny };
     assert_eq!(red(half_way, &from_below), 0.0);
-    let opposite = Lighting {
-        direction: Some(DVec3::NEG_Z),
-        ..shiny
-    };
+    let opposite = Lighting { direction: Some(DVec3::NEG_Z), ..shiny };
     assert_eq!(red(DVec3::new(0.0, 1.0, 1e-9), &opposite), 0.0);
 }
 
 #[test]
 fn openness_scales_all_terms_and_the_result_stays_in_range() {
-    let shiny = Lighting {
-        specular: 0.1,
-        ..lighting()
-    };
-    let with = |openness| {
-        illuminate(
-            BASE,
-            DVec3::Z,
-            &shiny,
-            &Illumination {
-                openness,
-                ..illumination()
-            },
-        )
-        .0
-    };
+    let shiny = Lighting { specular: 0.1, ..lighting() };
+    let with = |openness| illuminate(BASE, DVec3::Z, &shiny, &Illumination { openness, ..illumination() }).0;
     let full = with(1.0);
     for (c, &base) in BASE.0.iter().enumerate() {
         assert_close(full[c], base * 0.7 + 0.1, 1e-12);

@@ -58,7 +58,8 @@ fn signal([i, j, k]: [u32; 3]) -> f64 {
 }
 
 fn volume_from(dims: [u32; 3], voxels: impl FnOnce(Vec<f64>) -> Voxels) -> Volume {
-    let values = (0..dims[2]).flat_map(|k| (0..dims[1]).flat_map(move |j| (0..dims[0]).map(move |i| signal([i, j, k]))));
+    let values =
+        (0..dims[2]).flat_map(|k| (0..dims[1]).flat_map(move |j| (0..dims[0]).map(move |i| signal([i, j, k]))));
     Volume::new(Grid::axis_aligned(dims, DVec3::new(1.0, 1.1, 0.9)), voxels(values.collect())).expect("a valid volume")
 }
 
@@ -143,11 +144,9 @@ fn the_least_of_features_gives_the_same_picture() {
 #[test]
 fn a_range_that_is_a_little_off_is_noticed_in_every_format() {
     let floats = volume_from(DIMS, |v| Voxels::F32(v.iter().map(|&v| v as f32).collect()));
-    for (volume, lowest, highest) in [
-        (gyroid(), 0.0, 255.0),
-        (procedural(ProceduralKind::MarschnerLobb, DIMS), 0.0, 65535.0),
-        (floats, 0.0, 1.0),
-    ] {
+    for (volume, lowest, highest) in
+        [(gyroid(), 0.0, 255.0), (procedural(ProceduralKind::MarschnerLobb, DIMS), 0.0, 65535.0), (floats, 0.0, 1.0)]
+    {
         for options in [GpuOptions::default(), baseline()] {
             let (drawn, described) = (ramp(lowest, highest, 0.5), ramp(lowest, 1.02 * highest, 0.5));
             let difference = difference(&volume, &options, &drawn, &described);

@@ -6,7 +6,7 @@ use spao_server::reference::{Exposure, OpacityField, surface_reference};
 use spao_server::renderer::exposure;
 use spao_server::scene::{AoMethod, ClipPlane, Rgba, Scene};
 
-use super::support::{Difference, Light, Studio, Twin, ct_head, some_pixels, unit};
+use super::support::{Change, Difference, Light, Studio, Twin, ct_head, some_pixels, unit};
 
 const SIZE: [u32; 2] = [320, 240];
 const PIXELS: u64 = 500;
@@ -68,7 +68,7 @@ fn a_head_looks_as_the_twin_has_it() {
 fn a_head_whose_twin_is_lit_a_little_differently_is_noticed() {
     let mut studio = Studio::new(ct_head());
     let drawn = studio.scene(&json!({"ambient_occlusion": {"structure": "mipmap"}}));
-    let changes: [(&str, &dyn Fn(&mut Scene)); 4] = [
+    let changes: [Change<'_>; 4] = [
         ("strength", &|s| s.ambient_occlusion.strength = 0.9),
         ("exposure", &|s| s.lighting.exposure = Some(1.5)),
         ("diffuse", &|s| s.lighting.diffuse += 0.04),

@@ -102,22 +102,22 @@ fn ambient_occlusion_and_pictures_beyond_the_budget_are_refused_and_leave_nothin
 #[test]
 fn finished_accessibility_makes_room_for_what_is_wanted_now() {
     let volume = Arc::new(volume_of([64, 48, 32], |[i, j, k]| (i * j + 40 * k) as u16));
+    let (volume_bytes, result_bytes) = (6 * volume.grid.voxel_count(), 2 * volume.grid.voxel_count());
     let id = VolumeId("v_1".into());
     let scene = |levels: u32| scene_of(&id, &volume, &json!({"ambient_occlusion": {"levels": levels}}));
     let mut ample = open(64 << 20);
     ample.add_volume(id.clone(), volume.clone()).expect("the volume fits");
     let expected: Vec<_> = (1..=4).map(|l| ample.render(&request(&scene(l), 16, 16)).expect("it fits").rgba).collect();
-    let result_bytes = ample.memory().ao_cache_bytes / 4;
-    assert_eq!(result_bytes, 2 * volume.grid.voxel_count());
+    assert_eq!(ample.memory().ao_cache_bytes, 4 * result_bytes);
+    // The largest build, its result included.
+    let before = ample.memory().used_bytes;
+    let build = ample.fresh_ao_build(&scene(4)).expect("it fits");
+    let build_bytes = ample.memory().used_bytes - before;
+    drop(build);
+    assert_eq!(ample.memory().used_bytes, before);
 
-    // Room for the volume, one result and the largest build with its own result, and not for four results.
-    let largest_build = {
-        let build = ample.fresh_ao_build(&scene(4)).expect("it fits");
-        let building = ample.memory();
-        drop(build);
-        building.used_bytes - ample.memory().used_bytes
-    };
-    let mut tight = open(6 * volume.grid.voxel_count() + result_bytes + largest_build + 100_000);
+    // One result besides: more of them have to go, for the next build as well as for tables and pixels.
+    let mut tight = open(volume_bytes + result_bytes + build_bytes);
     tight.add_volume(id.clone(), volume.clone()).expect("the volume fits");
     for _ in 0..2 {
         for (levels, expected) in (1..=4).zip(&expected) {
@@ -127,6 +127,29 @@ fn finished_accessibility_makes_room_for_what_is_wanted_now() {
             assert!(memory.used_bytes <= memory.budget_bytes, "{memory:?}");
         }
     }
+
+    // For a picture: one that needs all that the cached results hold, and not the last one, which it is drawn with.
+    let cached = tight.memory();
+    let pixels = (cached.budget_bytes - cached.used_bytes) / 8;
+    let side = u32::try_from((pixels + result_bytes / 16).isqrt()).expect("a small picture");
+    assert!(cached.ao_cache_bytes >= 2 * result_bytes, "{cached:?}");
+    let plain = scene_of(&id, &volume, &json!({"ambient_occlusion": {"method": "off"}}));
+    tight.render(&request(&plain, side, side)).expect("results make room for pixels");
+    assert!(tight.memory().ao_cache_bytes < cached.ao_cache_bytes);
+
+    // For a volume; but what cannot fit anyway costs no result.
+    tight.render(&request(&scene(1), 16, 16)).expect("it fits");
+    let before = tight.memory();
+    assert!(before.ao_cache_bytes > 0);
+    let huge = Arc::new(volume_of([128, 128, 64], |_| 300));
+    does_not_fit(tight.add_volume(VolumeId("v_huge".into()), huge));
+    does_not_fit(tight.render(&request(&plain, 4096, 4096)));
+    assert_eq!(tight.memory(), before);
+    let room = before.budget_bytes - before.used_bytes;
+    let slices = u32::try_from((room + result_bytes / 2) / (5 * 64 * 64)).expect("a small volume");
+    let other = Arc::new(volume_of([64, 64, slices], |[i, ..]| i as u16));
+    tight.add_volume(VolumeId("v_2".into()), other).expect("results make room for a volume");
+    assert!(tight.memory().ao_cache_bytes < before.ao_cache_bytes);
 }
 
 #[test]

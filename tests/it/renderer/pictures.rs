@@ -11,7 +11,7 @@ use spao_server::reference::Exposure;
 use spao_server::scene::{AoMethod, ClipPlane, Rgba, Scene};
 
 use super::support::{
-    Difference, Light, SIZE, Studio, Twin, UNOCCLUDED, all_pixels, boxes, gyroid, oblique, some_pixels, unit,
+    Change, Difference, Light, SIZE, Studio, Twin, UNOCCLUDED, all_pixels, boxes, gyroid, oblique, some_pixels, unit,
 };
 
 /// Pixels of a picture that are compared.
@@ -114,31 +114,43 @@ fn varied(studio: &Studio) -> Vec<(&'static str, Scene)> {
     let mut clipped = document(opaque(), "perspective", json!({"levels": 4}));
     json_patch::merge(&mut clipped, &clip);
     vec![
-        ("colored light from aside", with(base(opaque()), &|s| {
-            s.lighting.direction = Some(DVec3::new(0.36, -0.48, 0.8));
-            s.lighting.color.0 = [1.0, 0.8, 0.5];
-            (s.lighting.specular, s.lighting.shininess) = (0.7, 12.0);
-        })),
+        (
+            "colored light from aside",
+            with(base(opaque()), &|s| {
+                s.lighting.direction = Some(DVec3::new(0.36, -0.48, 0.8));
+                s.lighting.color.0 = [1.0, 0.8, 0.5];
+                (s.lighting.specular, s.lighting.shininess) = (0.7, 12.0);
+            }),
+        ),
         ("light from behind", with(base(soft()), &|s| s.lighting.direction = Some(DVec3::Y))),
         ("bright", with(base(soft()), &|s| s.lighting.exposure = Some(3.0))),
         ("opaque background", with(base(soft()), &|s| s.rendering.background = Rgba([0.2, 0.6, 0.9, 1.0]))),
         ("translucent background", with(base(soft()), &|s| s.rendering.background = Rgba([0.9, 0.6, 0.2, 0.4]))),
         ("no background", with(base(soft()), &|s| s.rendering.background = Rgba([0.9, 0.6, 0.2, 0.0]))),
         ("clip box", studio.scene(&clipped)),
-        ("clip box and planes", with(studio.scene(&clipped), &|s| {
-            s.rendering.clip_planes = vec![plane(slanted, center), plane(DVec3::NEG_Z, center + 6.0 * DVec3::Z)];
-        })),
-        ("everything clipped", with(base(soft()), &|s| {
-            s.rendering.clip_planes = vec![plane(slanted, center), plane(-slanted, center - slanted)];
-        })),
+        (
+            "clip box and planes",
+            with(studio.scene(&clipped), &|s| {
+                s.rendering.clip_planes = vec![plane(slanted, center), plane(DVec3::NEG_Z, center + 6.0 * DVec3::Z)];
+            }),
+        ),
+        (
+            "everything clipped",
+            with(base(soft()), &|s| {
+                s.rendering.clip_planes = vec![plane(slanted, center), plane(-slanted, center - slanted)];
+            }),
+        ),
         ("coarse sampling", with(base(soft()), &|s| s.rendering.sampling_rate = 0.3)),
         ("fine sampling", with(base(opaque()), &|s| s.rendering.sampling_rate = 3.7)),
         ("denser medium", with(base(soft()), &|s| s.transfer_function.opacity_unit_distance = Some(0.35))),
         ("eye inside", with(base(soft()), &|s| s.camera.eye = center + DVec3::new(1.0, -3.0, 2.0))),
-        ("along an axis", with(base(opaque()), &|s| {
-            s.camera.eye = center - 60.0 * DVec3::X;
-            s.camera.target = center;
-        })),
+        (
+            "along an axis",
+            with(base(opaque()), &|s| {
+                s.camera.eye = center - 60.0 * DVec3::X;
+                s.camera.target = center;
+            }),
+        ),
     ]
 }
 
@@ -164,7 +176,7 @@ fn the_comparison_notices_every_parameter_that_is_a_little_off() {
     drawn.rendering.clip_planes = vec![ClipPlane { normal: DVec3::NEG_Y, d: center.y + 4.0 }];
     let same = difference(&mut studio, &drawn, &drawn);
     assert!(is_right(&same, &drawn), "{same:?}");
-    let changes: [(&str, &dyn Fn(&mut Scene)); 15] = [
+    let changes: [Change<'_>; 15] = [
         ("ambient", &|s| s.lighting.ambient += 0.03),
         ("diffuse", &|s| s.lighting.diffuse += 0.05),
         ("specular", &|s| s.lighting.specular -= 0.1),
@@ -175,9 +187,9 @@ fn the_comparison_notices_every_parameter_that_is_a_little_off() {
         ("strength", &|s| s.ambient_occlusion.strength = 0.9),
         ("eye", &|s| s.camera.eye.x += 0.7),
         ("field of view", &|s| s.camera.projection = spao_server::scene::Projection::Perspective { fov_y_deg: 41.0 }),
-        ("opacity", &|s| s.transfer_function.points[1].opacity = 0.105),
+        ("opacity", &|s| s.transfer_function.points[1].opacity = 0.12),
         ("color", &|s| s.transfer_function.points[2].color.0[1] += 0.05),
-        ("unit distance", &|s| s.transfer_function.opacity_unit_distance = Some(1.05)),
+        ("unit distance", &|s| s.transfer_function.opacity_unit_distance = Some(1.15)),
         ("clip plane", &|s| s.rendering.clip_planes[0].d += 0.5),
         ("background", &|s| s.rendering.background.0[3] = 0.57),
     ];

@@ -91,7 +91,10 @@ impl Studio {
         let request = FrameRequest { scene: Arc::new(scene.clone()), width, height, ao_policy: AoPolicy::Exact };
         let frame = self.renderer.render(&request)?;
         assert_eq!([frame.width, frame.height, 4 * width * height], [width, height, frame.rgba.len() as u32]);
-        Ok(Picture { size: [width, height], pixels: frame.rgba.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect() })
+        Ok(Picture {
+            size: [width, height],
+            pixels: frame.rgba.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect(),
+        })
     }
 
     /// A at voxel centres as the GPU has it, `None` where ambient occlusion is off.
@@ -128,6 +131,9 @@ impl Picture {
         self.pixels[(y * self.size[0] + x) as usize]
     }
 }
+
+/// Something that is done to a scene, and its name.
+pub(super) type Change<'a> = (&'a str, &'a dyn Fn(&mut Scene));
 
 /// The f64 twin of a renderer: the values that its codes stand for.
 pub(super) struct Twin<'a> {
