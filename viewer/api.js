@@ -116,6 +116,7 @@ export const api = {
   scenes: async () => (await json('GET', 'v1/scenes')).scenes,
   scene: (id) => json('GET', `v1/scenes/${part(id)}`),
   createScene: (scene) => json('POST', 'v1/scenes', scene),
+  replaceScene: (id, scene) => json('PUT', `v1/scenes/${part(id)}`, scene),
   undo: (id) => json('POST', `v1/scenes/${part(id)}/undo`),
   redo: (id) => json('POST', `v1/scenes/${part(id)}/redo`),
   render: async (body) => (await call('POST', 'v1/render', { json: body })).blob(),

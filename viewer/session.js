@@ -4,6 +4,7 @@
  */
 
 import { ApiError, api } from './api.js';
+import { remakeScene, restoreScene } from './recovery.js';
 import { Emitter, splitScene } from './store.js';
 import { Stream } from './stream.js';
 
@@ -94,7 +95,7 @@ export class Session extends Emitter {
     const { id, revision, scene } = splitScene(answer);
     if (id !== this.store.id) return;
     this.store.load(id, revision, scene);
-    if (scene.volume !== this.volume?.id) api.volume(scene.volume).then((volume) => this.#setVolume(volume), () => {});
+    this.#followVolume(scene.volume);
   }
 
   /** The scene with the camera of this view: what a link and a saved picture are of. */
@@ -132,6 +133,7 @@ export class Session extends Emitter {
     this.#farewell = '';
     this.store.requeue();
     this.store.load(this.store.id, revision, splitScene(scene).scene);
+    this.#followVolume(scene.volume);
     const camera = view?.camera ?? scene.camera;
     if (this.#cameraIsOurs) {
       this.#viewChanged = true;
@@ -186,9 +188,7 @@ export class Session extends Emitter {
   #remoteChange(revision, patch) {
     this.emit('busy', true);
     this.store.applyRemote(revision, patch);
-    if (patch.volume && patch.volume !== this.volume?.id) {
-      api.volume(patch.volume).then((volume) => this.#setVolume(volume), () => {});
-    }
+    if (patch.volume) this.#followVolume(patch.volume);
   }
 
   #error({ code, message, seq }) {
@@ -218,46 +218,59 @@ export class Session extends Emitter {
 
   /** A WebSocket does not say why it failed; the same scene over HTTP does. */
   async #probe() {
-    const id = this.store.id;
+    const { id, scene } = this.store;
     this.#setStatus({ phase: 'connecting' });
     try {
-      await api.scene(id);
-      if (id === this.store.id) this.#connect();
-    } catch (error) {
+      const answer = await api.scene(id).catch((error) => {
+        if (error.status === 404) return null;
+        throw error;
+      });
       if (id !== this.store.id) return;
+      if (!answer) await this.#remake(scene);
+      else if (answer.revision < this.store.revision) await this.#restore(answer, scene);
+      if (this.store.id) this.#connect();
+    } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      if (error.status === 404) await this.#recover();
-      else this.#retryLater(capitalized(error.message));
+      if (id !== this.store.id) return;
+      const isPassing = error.status === 0 || error.status === 429 || error.status >= 500;
+      if (isPassing) this.#retryLater(capitalized(error.message));
+      else this.#lose(`The server no longer has this scene, and making it again failed: ${error.message}.`);
     }
   }
 
-  /** The scene is gone, with the server's memory most likely: makes it again from what this page knows. */
-  async #recover() {
-    const { volume } = this;
-    const scene = this.store.scene;
-    try {
-      const twin = findVolume(await api.volumes(), volume);
-      if (!twin) {
-        const message = `The server no longer has this scene, nor the volume “${volume?.name ?? ''}” to make it again.`;
-        this.close();
-        this.emit('lost', message);
-        return;
-      }
-      const answer = splitScene(await api.createScene({ ...scene, volume: twin.id }));
-      this.#resumeToken = null;
-      this.store.moveTo(answer.id);
-      this.store.load(answer.id, answer.revision, answer.scene);
-      this.#setVolume(twin);
-      this.emit('notice', { kind: 'info', message: 'The server had lost this scene; it was made again.' });
-      this.#connect();
-    } catch (error) {
-      if (error.status === 0 || error.status >= 500 || error.status === 429) {
-        this.#retryLater(capitalized(error.message));
-      } else {
-        this.close();
-        this.emit('lost', `The server no longer has this scene, and making it again failed: ${error.message}.`);
-      }
+  /** The scene is gone, with the server's memory most likely. */
+  async #remake(scene) {
+    const made = await remakeScene(scene, this.volume);
+    if (!made) {
+      this.#lose(`The server no longer has this scene, nor the volume “${this.volume?.name ?? ''}” to make it again.`);
+      return;
     }
+    this.#moveTo(made);
+    this.emit('notice', { kind: 'info', message: 'The server had lost this scene; it was made again.' });
+  }
+
+  /** A revision before ours: the scene began anew while we were away. */
+  async #restore(answer, scene) {
+    const restored = await restoreScene(answer, scene, this.volume);
+    this.#moveTo(restored);
+    if (!restored.isRestored) this.#cameraIsOurs = false;
+    const message = restored.isRestored
+      ? 'The server was restarted; the scene is as it was here.'
+      : 'The server was restarted, and this scene now shows another volume.';
+    this.emit('notice', { kind: 'info', message });
+  }
+
+  #moveTo({ answer, volume }) {
+    const { id, revision, scene } = splitScene(answer);
+    this.#resumeToken = null;
+    this.store.moveTo(id);
+    this.store.load(id, revision, scene);
+    this.#setVolume(volume);
+  }
+
+  #lose(message) {
+    this.close();
+    this.emit('lost', message);
   }
 
   /** What a tall picture shows is limited by its width, so that is what stays the same. */
@@ -294,6 +307,11 @@ export class Session extends Emitter {
     this.ledger.sent(this.#seq);
   }
 
+  /** Someone changed which volume the scene shows. */
+  #followVolume(id) {
+    if (id !== this.volume?.id) api.volume(id).then((volume) => this.#setVolume(volume), () => {});
+  }
+
   #setVolume(volume) {
     this.volume = volume;
     if (volume) this.camera.setVolume(volume);
@@ -308,18 +326,3 @@ export class Session extends Emitter {
 }
 
 const capitalized = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}.`;
-
-/**
- * The volume with the same voxels, or at least the same name and size.
- * @param {import('./store.js').Volume[]} volumes
- * @param {{sha256?: string, name?: string, dims?: number[]} | null} wanted
- */
-export function findVolume(volumes, wanted) {
-  if (!wanted) return undefined;
-  const resident = volumes.filter((volume) => volume.state !== 'failed');
-  const sameSize = (volume) => !wanted.dims || String(volume.dims) === String(wanted.dims);
-  return (
-    resident.find((volume) => volume.sha256 === wanted.sha256)
-    ?? resident.find((volume) => volume.name === wanted.name && sameSize(volume))
-  );
-}

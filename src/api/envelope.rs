@@ -23,7 +23,7 @@ const REQUEST_ID: &str = "x-request-id";
 const MAX_REQUEST_ID_LENGTH: usize = 128;
 
 impl IntoResponse for ApiError {
-    /// Status and headers only: the body needs the request id, which [`observe`] knows.
+    /// Status and headers only: the body needs the request id, which `observe` knows.
     fn into_response(self) -> Response {
         let (_, status) = self.code.name_and_status();
         let status = StatusCode::from_u16(status).expect("the table holds valid statuses");

@@ -63,7 +63,7 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
         // Before the answer: whoever has it reads what is in use now.
         *published.memory.lock().unwrap_or_else(PoisonError::into_inner) = renderer.memory();
         match outcome {
-            Some((group, Outcome::Unfinished(job))) => turns.push(group, job),
+            Some((group, Outcome::Unfinished(job))) => turns.push(group, *job),
             Some((_, Outcome::Answered(answer))) => answer(),
             None => {}
         }
@@ -94,7 +94,7 @@ fn begin(job: Job, renderer: &mut Renderer, turns: &mut Turns<Active>) {
 /// What a turn came to.
 enum Outcome {
     /// The job needs more turns.
-    Unfinished(Active),
+    Unfinished(Box<Active>),
     /// The job is over; to be called to tell its client.
     Answered(Box<dyn FnOnce()>),
 }
@@ -105,12 +105,12 @@ fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
         // An upload whose client left goes on to its end: the client's side then removes the volume,
         // which it can only do for one that is there.
         Active::Upload(mut job, reply) => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => Outcome::Unfinished(Active::Upload(job, reply)),
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Upload(job, reply))),
             Ok(Turn::Done(residency)) => answer(reply, Ok(residency)),
             Err(error) => answer(reply, Err(error)),
         },
         Active::Frame(mut job, reply, waited) if !reply.is_closed() => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => Outcome::Unfinished(Active::Frame(job, reply, waited)),
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Frame(job, reply, waited))),
             Ok(Turn::Done(mut frame)) => {
                 frame.timings.queue = waited;
                 answer(reply, Ok(frame))
@@ -118,7 +118,7 @@ fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
             Err(error) => answer(reply, Err(error)),
         },
         Active::Accessibility(mut job, reply, waited) if !reply.is_closed() => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => Outcome::Unfinished(Active::Accessibility(job, reply, waited)),
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Accessibility(job, reply, waited))),
             Ok(Turn::Done(mut volume)) => {
                 volume.timings.queue = waited;
                 answer(reply, Ok(volume))
@@ -128,7 +128,7 @@ fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
         Active::Prepare(mut job, progress, reply) if !reply.is_closed() => match job.advance(renderer) {
             Ok(Turn::Pending(fraction)) => {
                 progress.send_replace(fraction);
-                Outcome::Unfinished(Active::Prepare(job, progress, reply))
+                Outcome::Unfinished(Box::new(Active::Prepare(job, progress, reply)))
             }
             Ok(Turn::Done(report)) => answer(reply, Ok(report)),
             Err(error) => answer(reply, Err(error)),

@@ -374,24 +374,27 @@ test('a server with a key asks for it once', { skip: process.env.SPAO_URL ? 'nee
   }
 });
 
-// The last one: it leaves a server without the scenes of the tests before.
-test('the page survives a restart of the server', { skip: process.env.SPAO_URL ? 'cannot restart it' : false }, async () => {
-  await withViewer(async (page) => {
-    await settled(page);
-    await changing(page, () => page.click('.preset:text-is("Bone")'));
-    const before = await sceneOf(page);
-    await server.stop();
-    await page.locator('#banner').waitFor();
-    assert.equal(await page.locator('#status').getAttribute('data-phase').then((phase) => phase !== 'live'), true);
-    // Edited while the server is away: kept, and sent later.
-    await section(page, 'scene');
-    await page.locator('#section-scene input[type=color]').fill('#203040');
-    server = await startServer(BINARY, new URL(url).host);
-    await settled(page);
-    assert.equal(await page.locator('#status').textContent(), 'Live');
-    await page.waitForFunction((id) => !location.hash.includes(id), before.id, PATIENCE);
-    const after = await sceneOf(page);
-    assert.deepEqual(after.transfer_function, before.transfer_function);
-    assert.equal(after.rendering.background, '#203040');
-  }, { hash: await freshScene(), tolerated: /ERR_CONNECTION|status of (404|502|503)|WebSocket/ });
-});
+// The last ones: they leave a server without the scenes of the tests before.
+for (const [kind, hashOfScene] of [['a scene of its own', freshScene], ['the default scene', async () => '']]) {
+  test(`the page survives a restart of the server with ${kind}`, { skip: process.env.SPAO_URL ? 'cannot restart it' : false }, async () => {
+    await withViewer(async (page) => {
+      await settled(page);
+      await changing(page, () => page.click('.preset:text-is("Bone")'));
+      const before = await sceneOf(page);
+      await server.stop();
+      await page.locator('#banner').waitFor();
+      assert.notEqual(await page.locator('#status').getAttribute('data-phase'), 'live');
+      // Edited while the server is away: kept, and sent later.
+      await section(page, 'scene');
+      await page.locator('#section-scene input[type=color]').fill('#203040');
+      server = await startServer(BINARY, new URL(url).host);
+      await settled(page);
+      assert.equal(await page.locator('#status').textContent(), 'Live');
+      await page.getByText(/made again|as it was here/).waitFor();
+      const after = await sceneOf(page);
+      assert.deepEqual(after.transfer_function, before.transfer_function);
+      assert.equal(after.rendering.background, '#203040');
+      assert.equal(await page.locator('.preset[aria-pressed=true]').textContent(), 'Bone');
+    }, { hash: await hashOfScene(), tolerated: /ERR_CONNECTION|status of (404|502|503)|WebSocket/ });
+  });
+}

@@ -1,96 +1,10 @@
 //! The real program: started, asked over a socket, stopped by a signal.
 
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Command;
 
 use serde_json::{Value, json};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_spao-server");
-
-/// Longest time that anything here may take, on a slow machine that is busy.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// A running server, killed when the test ends early.
-struct Process {
-    child: Child,
-    address: String,
-    /// The lines for people.
-    lines: Vec<String>,
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-impl Process {
-    fn start(arguments: &[&str]) -> Self {
-        let mut child = Command::new(PROGRAM)
-            .args(["serve", "--addr", "127.0.0.1:0"])
-            .args(arguments)
-            .env_remove("RUST_LOG")
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the program starts");
-        let stdout = BufReader::new(child.stdout.take().expect("it is piped"));
-        let lines: Vec<String> = stdout.lines().map_while(Result::ok).take(3).collect();
-        let address = lines.first().and_then(|line| line.strip_prefix("Listening on http://")).unwrap_or_default();
-        let address = address.to_owned();
-        let process = Self { child, address, lines };
-        assert!(process.address.starts_with("127.0.0.1:"), "{:?}", process.lines);
-        process
-    }
-
-    fn url(&self, path: &str) -> String {
-        format!("http://{}{path}", self.address)
-    }
-
-    fn post(&self, path: &str, body: &Value) -> Value {
-        let mut answer = ureq::post(self.url(path))
-            .header("content-type", "application/json")
-            .send(body.to_string())
-            .unwrap_or_else(|error| panic!("{path}: {error}"));
-        let text = answer.body_mut().read_to_string().expect("a text");
-        serde_json::from_str(&text).expect("JSON")
-    }
-
-    fn get(&self, path: &str) -> Vec<u8> {
-        let mut answer = ureq::get(self.url(path)).call().unwrap_or_else(|error| panic!("{path}: {error}"));
-        answer.body_mut().read_to_vec().expect("a body")
-    }
-
-    /// Sends a signal and waits; the exit status and the log.
-    fn stop(mut self, signal: &str) -> (ExitStatus, String) {
-        let id = self.child.id().to_string();
-        let killed = Command::new("kill").args([signal, &id]).status().expect("kill is there");
-        assert!(killed.success());
-        let mut stderr = self.child.stderr.take().expect("it is piped");
-        let status = wait(&mut self.child);
-        let mut log = String::new();
-        stderr.read_to_string(&mut log).expect("the log is text");
-        (status, log)
-    }
-}
-
-fn wait(child: &mut Child) -> ExitStatus {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        if let Some(status) = child.try_wait().expect("it can be waited for") {
-            return status;
-        }
-        assert!(Instant::now() < deadline, "it does not end");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-}
-
-/// Lines of a log that should not be there in normal operation.
-fn alarms(log: &str) -> Vec<&str> {
-    log.lines().filter(|line| line.contains(" WARN ") || line.contains(" ERROR ")).collect()
-}
+use crate::support::process::{PROGRAM, Process, alarms};
 
 #[test]
 fn the_alarm_check_sees_warnings_and_errors() {

@@ -1,4 +1,6 @@
-//! What tests share: one renderer for the whole binary.
+//! What tests share: one renderer for the whole binary, and the real program.
+
+pub(crate) mod process;
 
 use std::sync::OnceLock;
 
