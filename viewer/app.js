@@ -118,7 +118,7 @@ async function openFirst({ session, library, picture }) {
     const volumes = await library.refresh();
     if (sceneId || linked) {
       const answer = sceneId ? await api.scene(sceneId).catch(onlyMissing) : null;
-      if (answer) return await session.open(answer, linked?.scene.camera);
+      if (answer && isLinked(answer, linked, volumes)) return await session.open(answer, linked?.scene.camera);
       const volume = linked && findVolume(volumes, linked.volume);
       if (volume) {
         const scene = { ...linked.scene, volume: volume.id };
@@ -140,6 +140,18 @@ async function openFirst({ session, library, picture }) {
   }
 }
 
+/**
+ * Whether a scene is the one of a link, and not another that has the same id since a restart or on another server.
+ * @param {any} answer
+ * @param {import('./link.js').LinkedScene | null} linked
+ * @param {any[]} volumes
+ */
+function isLinked(answer, linked, volumes) {
+  if (!linked) return true;
+  const volume = volumes.find(({ id }) => id === answer.volume);
+  return answer.revision >= (linked.revision ?? 0) && Boolean(volume && findVolume([volume], linked.volume));
+}
+
 function onlyMissing(error) {
   if (error.status === 404) return null;
   throw error;
@@ -148,7 +160,7 @@ function onlyMissing(error) {
 /** @param {Context} context */
 function linkOf({ session, store }) {
   const { name, sha256 } = session.volume ?? {};
-  return hashOf(store.id, { volume: { name, sha256 }, scene: session.documentOfView() });
+  return hashOf(store.id, { volume: { name, sha256 }, revision: store.revision, scene: session.documentOfView() });
 }
 
 /** The address bar always holds the link to what is seen. @param {Context} context */

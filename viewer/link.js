@@ -6,6 +6,7 @@
 /**
  * @typedef {Object} LinkedScene
  * @property {{name: string, sha256: string}} volume
+ * @property {number} [revision] of the scene; one that is behind is another that got the same id
  * @property {import('./store.js').Scene} scene with the camera of the view
  */
 

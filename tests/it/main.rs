@@ -10,6 +10,7 @@ mod house;
 mod reference;
 mod renderer;
 mod scene;
+mod stream;
 mod support;
 mod tidy;
 mod tree;

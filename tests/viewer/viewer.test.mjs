@@ -301,6 +301,23 @@ test('a link to a scene that is gone makes it again', async () => {
   }, { hash: link, tolerated: /status of 404/ });
 });
 
+test('a link keeps its look where another scene has the same id', async () => {
+  const id = (await freshScene()).slice(3);
+  let link = '';
+  await withViewer(async (page) => {
+    await settled(page);
+    await changing(page, () => page.click('.preset:text-is("Skin")'));
+    await page.waitForTimeout(300);
+    link = new URL(page.url()).hash;
+  }, { hash: await freshScene() });
+  await withViewer(async (page) => {
+    await settled(page);
+    const scene = await sceneOf(page);
+    assert.notEqual(scene.id, id);
+    assert.equal(scene.transfer_function.points[0].value, -500);
+  }, { hash: link.replace(/s=[^&]+/, `s=${id}`) });
+});
+
 test('two pages of one scene see each other\'s edits but keep their own cameras', async () => {
   const hash = await freshScene();
   await withViewer(async (one) => {

@@ -192,13 +192,20 @@ impl Watcher {
     fn order(&mut self, moving: bool) {
         let view = [self.view.width, self.view.height];
         let size = if moving { self.quality.moving_size(view[0], view[1]) } else { view };
+        // A still picture is lossless; one that lets a page shine through must at least have an alpha channel.
+        let transparent = self.told.scene.rendering.background.0[3] < 1.0;
+        let encoding = match self.encoding {
+            ImageFormat::Jpeg if transparent => ImageFormat::Png,
+            preferred if moving => preferred,
+            _ => ImageFormat::Png,
+        };
         let order = Order {
             scene: seen_through(&self.told.scene, &self.view),
             revision: self.told.revision,
             seq: self.seq,
             dropped: self.updates.saturating_sub(1),
             size,
-            encoding: if moving { self.encoding } else { ImageFormat::Png },
+            encoding,
             moving,
             full_size: size == view,
         };
