@@ -48,7 +48,8 @@ pub fn run(options: &GpuOptions, out: &mut dyn Write) -> anyhow::Result<bool> {
         writeln!(out, "{verdict:6} accessibility {case}: largest difference {worst:.5}")?;
     }
     let scene = SceneDocument::from_json(&json!({"volume": id.0}))?.complete(&facts)?;
-    let frame = renderer.render(&FrameRequest { scene: Arc::new(scene), width: 64, height: 64, ao_policy: AoPolicy::Exact })?;
+    let frame =
+        renderer.render(&FrameRequest { scene: Arc::new(scene), width: 64, height: 64, ao_policy: AoPolicy::Exact })?;
     let visible = frame.rgba.chunks_exact(4).any(|pixel| pixel[..3].iter().any(|&c| c > 64));
     writeln!(out, "{:6} picture", if visible { "ok" } else { "FAILED" })?;
     Ok(passed && visible)
@@ -58,17 +59,22 @@ fn worst_difference(renderer: &mut Renderer, volume: &Volume, scene: &Arc<Scene>
     let computed = renderer.accessibility(scene.clone()).context("computing accessibility")?;
     let values: Vec<f64> = (0..volume.voxels.len()).map(|i| volume.voxels.value(i)).collect();
     let grid = &volume.grid;
-    let opacity =
-        OpacityField::from_values(grid.dims, &values, &scene.transfer_function, grid.smallest_spacing());
+    let opacity = OpacityField::from_values(grid.dims, &values, &scene.transfer_function, grid.smallest_spacing());
     let field = ValueField::from_values(grid.dims, &values, &volume.code_map);
     let expected = match scene.ambient_occlusion.method {
         AoMethod::Raytraced => RaytracedAo::new(&opacity, &field, &scene.ambient_occlusion).at_voxel_centres(),
-        AoMethod::Spao | AoMethod::Off => {
-            SpaoAo::new(&opacity, &field, &scene.ambient_occlusion).at_voxel_centres()
-        }
+        AoMethod::Spao | AoMethod::Off => SpaoAo::new(&opacity, &field, &scene.ambient_occlusion).at_voxel_centres(),
     };
     ensure!(expected.len() == computed.values.len(), "the accessibility volume has another size");
     let differences = expected.iter().zip(&computed.values).map(|(e, &c)| (e - f64::from(c)).abs());
     // A NaN must not pass for small.
-    Ok(differences.fold(0.0, |worst, d| if d <= worst { worst } else if d.is_nan() { f64::INFINITY } else { d }))
+    Ok(differences.fold(0.0, |worst, d| {
+        if d <= worst {
+            worst
+        } else if d.is_nan() {
+            f64::INFINITY
+        } else {
+            d
+        }
+    }))
 }

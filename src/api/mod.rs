@@ -23,5 +23,5 @@ mod volumes;
 pub use auth::ApiKeys;
 pub use openapi::{OPENAPI, document};
 pub use router::{route_table, router, with_middleware};
-pub use stream::Quality;
 pub use state::{AppState, InFlight, Lifecycle, Phase, Shared};
+pub use stream::Quality;

@@ -89,9 +89,8 @@ fn spao_rows(renderer: &Renderer, scene: &Scene, runs: u32) -> anyhow::Result<Ve
     let all: u64 = level_bytes.iter().sum();
     // Level 0 reads codes; the others read the level before; combining reads all levels, the normal's
     // neighbours and writes samples.
-    let moved: Vec<u64> = (0..=levels)
-        .map(|l| level_bytes[l] + if l == 0 { 2 * voxels } else { level_bytes[l - 1] })
-        .collect();
+    let moved: Vec<u64> =
+        (0..=levels).map(|l| level_bytes[l] + if l == 0 { 2 * voxels } else { level_bytes[l - 1] }).collect();
     let combine = all + 4 * voxels;
     let names = (0..=levels).map(|l| format!("level {l}"));
     let names = names.chain(["levels total".into(), "AO computation".into(), "total".into()]);

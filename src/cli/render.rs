@@ -16,7 +16,12 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<()> {
     let width = args.width.unwrap_or(scene.viewport.width);
     let height = args.height.unwrap_or(scene.viewport.height);
     let background = scene.rendering.background;
-    let frame = local::renderer(&volume, &args.gpu)?.render(&FrameRequest { scene, width, height, ao_policy: AoPolicy::Exact })?;
+    let frame = local::renderer(&volume, &args.gpu)?.render(&FrameRequest {
+        scene,
+        width,
+        height,
+        ao_policy: AoPolicy::Exact,
+    })?;
     let bytes = encode(&frame, format, background)?;
     std::fs::write(&args.output, bytes).with_context(|| format!("cannot write {}", args.output.display()))
 }

@@ -50,13 +50,7 @@ impl<'a> RaytracedAo<'a> {
             Radius::Unlimited => f64::INFINITY,
         };
         let directions = fibonacci_directions(settings.rays);
-        Self {
-            opacity,
-            values,
-            directions,
-            reach,
-            full_sphere: settings.normal_factor == 0.0,
-        }
+        Self { opacity, values, directions, reach, full_sphere: settings.normal_factor == 0.0 }
     }
 
     /// A(x) in [0, 1] at an index-space position.
@@ -68,11 +62,7 @@ impl<'a> RaytracedAo<'a> {
         let sphere = self.full_sphere || normal.length() < WEAKEST_NORMAL;
         let (mut open, mut total) = (0.0, 0.0);
         for &direction in &self.directions {
-            let weight = if sphere {
-                1.0
-            } else {
-                normal.normalize().dot(direction).max(0.0)
-            };
+            let weight = if sphere { 1.0 } else { normal.normalize().dot(direction).max(0.0) };
             if weight > 0.0 {
                 open += weight * self.transmittance(position, direction);
                 total += weight;
@@ -110,11 +100,7 @@ impl<'a> RaytracedAo<'a> {
         let (low, high) = (DVec3::splat(-0.5), dims_vec(self.opacity.dims) + 0.5);
         let exit = |a: usize| {
             let face = if direction[a] > 0.0 { high[a] } else { low[a] };
-            if direction[a] == 0.0 {
-                f64::INFINITY
-            } else {
-                (face - position[a]) / direction[a]
-            }
+            if direction[a] == 0.0 { f64::INFINITY } else { (face - position[a]) / direction[a] }
         };
         exit(0).min(exit(1)).min(exit(2))
     }

@@ -54,12 +54,7 @@ impl<'a> SpaoAo<'a> {
     pub fn new(opacity: &OpacityField, values: &'a ValueField, settings: &AmbientOcclusion) -> Self {
         assert_eq!(opacity.dims, values.dims, "opacity and values of one volume");
         let means = LevelMeans::new(opacity, settings);
-        Self {
-            values,
-            means,
-            levels: settings.levels,
-            normal_factor: settings.normal_factor,
-        }
+        Self { values, means, levels: settings.levels, normal_factor: settings.normal_factor }
     }
 
     /// A(x) in [0, 1] at an index-space position.

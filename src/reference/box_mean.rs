@@ -17,20 +17,14 @@ impl BoxMean {
     pub fn new(opacity: &OpacityField) -> Self {
         let dims = opacity.dims;
         let [nx, ny, nz] = dims.map(|n| n as usize);
-        let mut table = Self {
-            dims,
-            prefix: vec![0.0; voxel_count(dims.map(|n| n + 1))],
-        };
+        let mut table = Self { dims, prefix: vec![0.0; voxel_count(dims.map(|n| n + 1))] };
         for k in 0..nz {
             for j in 0..ny {
                 let mut row = 0.0;
                 for i in 0..nx {
                     row += opacity.alpha[(k * ny + j) * nx + i];
-                    let (left, below, both) = (
-                        table.corner([i + 1, j, k + 1]),
-                        table.corner([i + 1, j + 1, k]),
-                        table.corner([i + 1, j, k]),
-                    );
+                    let (left, below, both) =
+                        (table.corner([i + 1, j, k + 1]), table.corner([i + 1, j + 1, k]), table.corner([i + 1, j, k]));
                     let at = table.corner_index([i + 1, j + 1, k + 1]);
                     table.prefix[at] = row + left + below - both;
                 }

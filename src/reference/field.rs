@@ -29,19 +29,13 @@ pub struct ValueField {
 impl OpacityField {
     /// α from the integer position of a voxel.
     pub fn from_fn(dims: [u32; 3], alpha: impl Fn([u32; 3]) -> f64) -> Self {
-        Self {
-            dims,
-            alpha: per_voxel(dims, alpha),
-        }
+        Self { dims, alpha: per_voxel(dims, alpha) }
     }
 
     /// Classifies values in the file's units; `smallest_spacing` h is the length of one step, in world units.
     pub fn from_values(dims: [u32; 3], values: &[f64], transfer: &TransferFunction, smallest_spacing: f64) -> Self {
         assert_eq!(values.len(), voxel_count(dims), "one value per voxel");
-        let alpha = values
-            .iter()
-            .map(|&v| transfer.opacity_over(v, smallest_spacing, smallest_spacing))
-            .collect();
+        let alpha = values.iter().map(|&v| transfer.opacity_over(v, smallest_spacing, smallest_spacing)).collect();
         Self { dims, alpha }
     }
 
@@ -53,21 +47,14 @@ impl OpacityField {
         transfer: &TransferFunction,
         smallest_spacing: f64,
     ) -> Self {
-        let values: Vec<f64> = codes
-            .iter()
-            .map(|&code| code_map.value_from_code(f64::from(code)))
-            .collect();
+        let values: Vec<f64> = codes.iter().map(|&code| code_map.value_from_code(f64::from(code))).collect();
         Self::from_values(dims, &values, transfer, smallest_spacing)
     }
 
     /// α of a voxel, 0 outside the volume.
     pub fn at(&self, voxel: [i64; 3]) -> f64 {
         let inside = (0..3).all(|a| (0..i64::from(self.dims[a])).contains(&voxel[a]));
-        if inside {
-            self.alpha[linear(self.dims, voxel)]
-        } else {
-            0.0
-        }
+        if inside { self.alpha[linear(self.dims, voxel)] } else { 0.0 }
     }
 
     /// α interpolated between voxel centres at an index-space position; fades to 0 half a voxel outside.
@@ -87,27 +74,18 @@ impl OpacityField {
 impl ValueField {
     /// v̂ from the integer position of a voxel.
     pub fn from_fn(dims: [u32; 3], normalised: impl Fn([u32; 3]) -> f64) -> Self {
-        Self {
-            dims,
-            normalised: per_voxel(dims, normalised),
-        }
+        Self { dims, normalised: per_voxel(dims, normalised) }
     }
 
     /// Normalises values in the file's units over the volume's range.
     pub fn from_values(dims: [u32; 3], values: &[f64], code_map: &CodeMap) -> Self {
         assert_eq!(values.len(), voxel_count(dims), "one value per voxel");
-        Self {
-            dims,
-            normalised: values.iter().map(|&v| code_map.normalised(v)).collect(),
-        }
+        Self { dims, normalised: values.iter().map(|&v| code_map.normalised(v)).collect() }
     }
 
     /// Normalises the codes that the GPU holds.
     pub fn from_codes(dims: [u32; 3], codes: &[u16], code_map: &CodeMap) -> Self {
-        let values: Vec<f64> = codes
-            .iter()
-            .map(|&code| code_map.value_from_code(f64::from(code)))
-            .collect();
+        let values: Vec<f64> = codes.iter().map(|&code| code_map.value_from_code(f64::from(code))).collect();
         Self::from_values(dims, &values, code_map)
     }
 

@@ -42,11 +42,7 @@ impl HybridMeans {
     pub fn new(opacity: &OpacityField, mip_levels: u32) -> Self {
         let pyramid = MipPyramid::new(opacity, mip_levels);
         let coarse = BoxMean::new(&pyramid.levels[mip_levels as usize]);
-        Self {
-            pyramid,
-            mip_levels,
-            coarse,
-        }
+        Self { pyramid, mip_levels, coarse }
     }
 
     /// What stands for M_{2^level}(x).

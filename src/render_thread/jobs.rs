@@ -9,8 +9,8 @@ use tokio::sync::{mpsc, oneshot, watch};
 use super::handle::Published;
 use super::turns::Turns;
 use crate::renderer::{
-    AccessibilityJob, AccessibilityVolume, AoReport, Frame, FrameJob, FrameRequest, PrepareJob, RenderError, Renderer, Residency, Turn,
-    UploadJob,
+    AccessibilityJob, AccessibilityVolume, AoReport, Frame, FrameJob, FrameRequest, PrepareJob, RenderError, Renderer,
+    Residency, Turn, UploadJob,
 };
 use crate::scene::Scene;
 use crate::volume::{Volume, VolumeId};

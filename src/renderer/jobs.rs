@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use super::exposure::exposure;
 use super::raycast::{depth_prefix, raycast_params};
 use super::request::{
-    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, RenderError, Residency, StageTimings,
+    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, RenderError, Residency,
+    StageTimings,
 };
 use super::resident::{ResidentVolume, Upload};
 use super::work::{Ao, Renderer, Turn};

@@ -16,7 +16,7 @@ pub use jobs::{AccessibilityJob, FrameJob, PrepareJob, UploadJob};
 pub use occupancy::{BRICK, brick_distance};
 pub use raycast::{GradientParams, Light, RaycastParams};
 pub use request::{
-    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency,
-    StageTimings,
+    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError,
+    RendererInfo, Residency, StageTimings,
 };
 pub use work::{Renderer, Turn};

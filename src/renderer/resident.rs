@@ -56,8 +56,7 @@ impl Upload {
         gpu.budget.check("the volume", voxels * (texel_bytes + 4))?;
         let values = gpu.texture_3d("values", Category::Volume, dims, format, usage)?;
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING;
-        let gradients =
-            gpu.texture_3d("gradients", Category::Volume, dims, wgpu::TextureFormat::Rgba8Snorm, usage)?;
+        let gradients = gpu.texture_3d("gradients", Category::Volume, dims, wgpu::TextureFormat::Rgba8Snorm, usage)?;
         let brick_ranges = volume.brick_ranges(BRICK);
         let resident = ResidentVolume { volume, values: Rc::new(values), gradients, brick_ranges, code_scale };
         Ok(Self { resident, texel_bytes, next_slice: 0, next_gradient_slice: 0, codes: Vec::new() })
@@ -140,8 +139,7 @@ impl Upload {
             max_length: LONGEST_GRADIENT,
             _padding: [0; 2],
         };
-        let bindings =
-            [(1, Binding::Texture(&resident.values.view)), (2, Binding::Texture(&resident.gradients.view))];
+        let bindings = [(1, Binding::Texture(&resident.values.view)), (2, Binding::Texture(&resident.gradients.view))];
         let [x, y, _] = params.dims;
         stage.record(gpu, recorder, &params, &bindings, [x, y, slices.end - slices.start])
     }

@@ -1,15 +1,13 @@
 //! The renderer: what is resident, the compiled passes, and the pieces that jobs share.
 
-use std::collections::{BTreeMap, HashMap};
 use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
 use std::rc::{Rc, Weak};
 use std::sync::Arc;
 
 use super::jobs::{AccessibilityJob, FrameJob, UploadJob};
 use super::occupancy::brick_distance;
-use super::request::{
-    AccessibilityVolume, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency,
-};
+use super::request::{AccessibilityVolume, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency};
 use super::resident::ResidentVolume;
 use crate::ao::{Accessibility, AoBuild, AoCache, AoKey, AoSource, AoStages};
 use crate::gpu::{Category, ComputeStage, Gpu, GpuError, GpuOptions, GpuTexture};
@@ -313,11 +311,8 @@ impl Stages {
             ComputeStage::new(gpu, "raycast", &[], replaced, &[("OCCLUDED", occluded)])
         };
         let by_hand = [("common/value_filtered", "common/value_texels")];
-        let texels = if gpu.texture_16bit_norm {
-            None
-        } else {
-            Some((raycast(1.0, &by_hand)?, raycast(0.0, &by_hand)?))
-        };
+        let texels =
+            if gpu.texture_16bit_norm { None } else { Some((raycast(1.0, &by_hand)?, raycast(0.0, &by_hand)?)) };
         let linear_sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("linear"),
             mag_filter: wgpu::FilterMode::Linear,

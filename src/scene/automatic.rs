@@ -24,11 +24,7 @@ pub fn automatic_transfer_function(facts: &VolumeFacts<'_>) -> TransferFunction 
     }
     let bins = Bins::new(facts.histogram);
     let occupied = bins.counts.iter().filter(|&&count| count > 0.0).count();
-    if occupied < 2 {
-        haze(facts.value_range[0])
-    } else {
-        foreground_ramp(&bins, facts.value_range[1])
-    }
+    if occupied < 2 { haze(facts.value_range[0]) } else { foreground_ramp(&bins, facts.value_range[1]) }
 }
 
 /// Whether values are Hounsfield units: the range fits, there is air and soft tissue, and less between them.
@@ -64,9 +60,7 @@ fn foreground_ramp(bins: &Bins, highest: f64) -> TransferFunction {
     let lower = bins.mean(floor, split).unwrap_or(bins.edge(floor));
     let upper = bins.mean(split, bins.counts.len()).unwrap_or(lower);
     // A surface against the background is half-way between the two.
-    let surface = background.map_or(bins.edge(floor), |peak| {
-        bins.edge(floor).max((bins.center(peak) + lower) * 0.5)
-    });
+    let surface = background.map_or(bins.edge(floor), |peak| bins.edge(floor).max((bins.center(peak) + lower) * 0.5));
     let start = surface - (surface - bins.edge(floor)) * 0.3;
     let mut last = f64::NEG_INFINITY;
     let mut point = |value: f64, color, opacity| {
@@ -84,11 +78,7 @@ fn foreground_ramp(bins: &Bins, highest: f64) -> TransferFunction {
 }
 
 fn control_point(value: f64, color: &str, opacity: f64) -> ControlPoint {
-    ControlPoint {
-        value,
-        color: Rgb::from_hex(color).expect("the colours above are well-formed"),
-        opacity,
-    }
+    ControlPoint { value, color: Rgb::from_hex(color).expect("the colours above are well-formed"), opacity }
 }
 
 /// A histogram of at most [`MAX_BINS`] bins without outliers.
@@ -117,9 +107,7 @@ impl Bins {
             (first, last) = (0, fine.len());
         }
         let width = (last - first).div_ceil(MAX_BINS).max(1);
-        let counts = fine[first..last]
-            .chunks(width)
-            .map(|chunk| chunk.iter().sum::<u64>() as f64);
+        let counts = fine[first..last].chunks(width).map(|chunk| chunk.iter().sum::<u64>() as f64);
         let counts: Vec<f64> = counts.collect();
         let edge = |bin: usize| histogram.value_at(bin as f64 / fine.len().max(1) as f64);
         let range = [edge(first), edge(first + counts.len() * width)];
@@ -161,9 +149,7 @@ impl Bins {
             let t = (bin - peak) as f64 / (last - peak).max(1) as f64;
             height + (end - height) * t - self.counts[bin]
         };
-        (peak + 1..=last)
-            .max_by(|&a, &b| below_line(a).total_cmp(&below_line(b)))
-            .unwrap_or(peak)
+        (peak + 1..=last).max_by(|&a, &b| below_line(a).total_cmp(&below_line(b))).unwrap_or(peak)
     }
 
     /// The first bin of the upper of two classes in `first..` (Otsu 1979: greatest variance between classes).
@@ -171,11 +157,7 @@ impl Bins {
     fn otsu_split(&self, first: usize) -> usize {
         let weights: Vec<f64> = self.counts[first..].iter().map(|count| count.sqrt()).collect();
         let total: f64 = weights.iter().sum();
-        let moment: f64 = weights
-            .iter()
-            .enumerate()
-            .map(|(bin, weight)| bin as f64 * weight)
-            .sum();
+        let moment: f64 = weights.iter().enumerate().map(|(bin, weight)| bin as f64 * weight).sum();
         let (mut below, mut moment_below) = (0.0, 0.0);
         let mut best = (0.0, 0);
         for (bin, weight) in weights.iter().enumerate() {

@@ -43,11 +43,7 @@ impl Rgba {
     pub fn to_hex(self) -> String {
         let [r, g, b, alpha] = self.0;
         let color = Rgb([r, g, b]).to_hex();
-        if alpha == 1.0 {
-            color
-        } else {
-            format!("{color}{:02x}", byte(alpha))
-        }
+        if alpha == 1.0 { color } else { format!("{color}{:02x}", byte(alpha)) }
     }
 }
 
@@ -56,10 +52,7 @@ fn hex_digits(text: &str) -> Option<Vec<u8>> {
     if text.len() > 9 {
         return None;
     }
-    text.strip_prefix('#')?
-        .chars()
-        .map(|c| c.to_digit(16).map(|digit| digit as u8))
-        .collect()
+    text.strip_prefix('#')?.chars().map(|c| c.to_digit(16).map(|digit| digit as u8)).collect()
 }
 
 fn fraction(high: u8, low: u8) -> f64 {

@@ -42,25 +42,13 @@ impl SceneError {
 
     fn new(kind: SceneErrorKind, path: String, message: String) -> Self {
         // An unknown field may well have no name.
-        let path = if path.is_empty() {
-            ROOT.to_owned()
-        } else {
-            shortened(path)
-        };
-        Self {
-            kind,
-            path,
-            message: shortened(message),
-        }
+        let path = if path.is_empty() { ROOT.to_owned() } else { shortened(path) };
+        Self { kind, path, message: shortened(message) }
     }
 
     /// The same error in a document that holds the scene as its field `parent`.
     pub fn under(self, parent: &str) -> Self {
-        let path = if self.path == ROOT {
-            parent.to_owned()
-        } else {
-            format!("{parent}.{}", self.path)
-        };
+        let path = if self.path == ROOT { parent.to_owned() } else { format!("{parent}.{}", self.path) };
         Self { path, ..self }
     }
 }

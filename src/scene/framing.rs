@@ -35,19 +35,13 @@ pub fn framed_camera_with_fov(grid: &Grid, aspect: f64, fov_y_deg: f64) -> Camer
         .map(|corner| (corner.x.abs() / aspect).max(corner.y.abs()) / half_height - corner.z)
         .fold(0.0, f64::max);
     let eye = target + backward * distance;
-    Camera {
-        eye,
-        target,
-        up,
-        projection: Projection::Perspective { fov_y_deg },
-    }
+    Camera { eye, target, up, projection: Projection::Perspective { fov_y_deg } }
 }
 
 /// Height of the orthographic picture that shows a whole volume, looked at along `view` (any length but zero).
 pub fn framed_height(grid: &Grid, aspect: f64, view: DVec3, up: DVec3) -> f64 {
-    let half_height = corners_in_view(grid, view, up)
-        .map(|corner| (corner.x.abs() / aspect).max(corner.y.abs()))
-        .fold(0.0, f64::max);
+    let half_height =
+        corners_in_view(grid, view, up).map(|corner| (corner.x.abs() / aspect).max(corner.y.abs())).fold(0.0, f64::max);
     2.0 * half_height / FILL
 }
 
@@ -66,11 +60,7 @@ fn corners_in_view(grid: &Grid, view: DVec3, up: DVec3) -> impl Iterator<Item = 
 /// Unit vector from the volume's middle towards the eye; never parallel to z.
 fn direction_to_eye(grid: &Grid) -> DVec3 {
     let (azimuth, elevation) = (AZIMUTH_DEG.to_radians(), ELEVATION_DEG.to_radians());
-    let from_front = DVec3::new(
-        azimuth.sin() * elevation.cos(),
-        -azimuth.cos() * elevation.cos(),
-        elevation.sin(),
-    );
+    let from_front = DVec3::new(azimuth.sin() * elevation.cos(), -azimuth.cos() * elevation.cos(), elevation.sin());
 
     let extent = (grid.dims_vec() * grid.spacing).to_array();
     let mut axes = [0, 1, 2];

@@ -34,12 +34,7 @@ pub struct SceneHistory {
 impl SceneHistory {
     /// Revision 1.
     pub fn new(scene: Scene) -> Self {
-        Self {
-            scene: Arc::new(scene),
-            revision: 1,
-            undo: VecDeque::new(),
-            redo: Vec::new(),
-        }
+        Self { scene: Arc::new(scene), revision: 1, undo: VecDeque::new(), redo: Vec::new() }
     }
 
     /// The current scene.

@@ -86,15 +86,7 @@ const fn point(value: f64, color: &'static str, opacity: f64) -> PresetPoint {
 
 const fn ct(id: &'static str, name: &'static str, description: &'static str, points: &'static [PresetPoint]) -> Preset {
     let (units, opacity_unit_distance) = (PresetUnits::Hounsfield, Some(1.0));
-    Preset {
-        id,
-        name,
-        modality: "CT",
-        description,
-        units,
-        opacity_unit_distance,
-        points,
-    }
+    Preset { id, name, modality: "CT", description, units, opacity_unit_distance, points }
 }
 
 const fn relative(
@@ -104,15 +96,7 @@ const fn relative(
     description: &'static str,
     points: &'static [PresetPoint],
 ) -> Preset {
-    Preset {
-        id,
-        name,
-        modality,
-        description,
-        units: PresetUnits::Relative,
-        opacity_unit_distance: None,
-        points,
-    }
+    Preset { id, name, modality, description, units: PresetUnits::Relative, opacity_unit_distance: None, points }
 }
 
 const CT_SKIN_BONE: Preset = ct(

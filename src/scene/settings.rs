@@ -182,9 +182,6 @@ impl Default for Rendering {
 
 impl Default for Viewport {
     fn default() -> Self {
-        Self {
-            width: 1024,
-            height: 768,
-        }
+        Self { width: 1024, height: 768 }
     }
 }

@@ -32,19 +32,13 @@ impl TransferFunction {
     pub(super) fn from_ascending(points: impl IntoIterator<Item = ControlPoint>) -> Self {
         let mut kept: Vec<ControlPoint> = Vec::new();
         for point in points {
-            let point = ControlPoint {
-                value: point.value.clamp(-MAX_VALUE, MAX_VALUE),
-                ..point
-            };
+            let point = ControlPoint { value: point.value.clamp(-MAX_VALUE, MAX_VALUE), ..point };
             match kept.as_mut_slice() {
                 [.., a, b] if a.value == point.value => *b = point,
                 _ => kept.push(point),
             }
         }
-        Self {
-            points: kept,
-            opacity_unit_distance: None,
-        }
+        Self { points: kept, opacity_unit_distance: None }
     }
 
     /// Colour and opacity at a value.
@@ -55,11 +49,7 @@ impl TransferFunction {
     /// The same for a caller who knows that `above` points are not above the value.
     pub(super) fn sample_above(&self, above: usize, value: f64) -> (Rgb, f64) {
         let (Some(b), Some(a)) = (self.points.get(above), above.checked_sub(1).map(|i| &self.points[i])) else {
-            let p = if above == 0 {
-                &self.points[0]
-            } else {
-                &self.points[above - 1]
-            };
+            let p = if above == 0 { &self.points[0] } else { &self.points[above - 1] };
             return (p.color, p.opacity);
         };
         let t = (value - a.value) / (b.value - a.value);

@@ -13,9 +13,7 @@ pub fn opacity_table(transfer_function: &TransferFunction, code_map: &CodeMap, s
     let exponent = transfer_function.unit_distances_in(smallest_spacing, smallest_spacing);
     let mut walk = Walk::new(transfer_function, exponent);
     let codes = 0..=u32::from(code_map.max_code);
-    codes
-        .map(|code| (walk.step(code_map.value_from_code(f64::from(code))).1 * 65535.0).round() as u16)
-        .collect()
+    codes.map(|code| (walk.step(code_map.value_from_code(f64::from(code))).1 * 65535.0).round() as u16).collect()
 }
 
 /// Colour and opacity for the ray caster.
@@ -43,17 +41,10 @@ impl TransferTable {
         smallest_spacing: f64,
     ) -> Self {
         let max_code = u32::from(code_map.max_code);
-        let entries_per_code = if max_code == 0 {
-            1
-        } else {
-            (MIN_ENTRIES - 1).div_ceil(max_code)
-        };
+        let entries_per_code = if max_code == 0 { 1 } else { (MIN_ENTRIES - 1).div_ceil(max_code) };
         let count = max_code * entries_per_code + 1;
 
-        let mut walk = Walk::new(
-            transfer_function,
-            transfer_function.unit_distances_in(step_length, smallest_spacing),
-        );
+        let mut walk = Walk::new(transfer_function, transfer_function.unit_distances_in(step_length, smallest_spacing));
         let mut table = Self {
             entries_per_code,
             opacity: Vec::with_capacity(count as usize),
@@ -96,12 +87,7 @@ struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     fn new(transfer_function: &'a TransferFunction, exponent: f64) -> Self {
-        Self {
-            transfer_function,
-            exponent,
-            above: 0,
-            last: (0.0, 0.0),
-        }
+        Self { transfer_function, exponent, above: 0, last: (0.0, 0.0) }
     }
 
     /// Colour and opacity over the ray length; values must not descend.

@@ -70,11 +70,7 @@ impl<T: Sample> Field<'_, T> {
             }
             has_nan |= v.to_f64().is_nan();
         }
-        let lowest = if has_nan {
-            0
-        } else {
-            self.map.code_from_value(lo.to_f64())
-        };
+        let lowest = if has_nan { 0 } else { self.map.code_from_value(lo.to_f64()) };
         (lowest, self.map.code_from_value(hi.to_f64()))
     }
 }

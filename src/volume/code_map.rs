@@ -29,44 +29,23 @@ impl CodeMap {
     pub fn for_integers(lowest: f64, highest: f64) -> Self {
         let exact = lowest.abs() <= EXACT_INTEGER && highest.abs() <= EXACT_INTEGER;
         if exact && highest - lowest <= HIGHEST_CODE {
-            Self {
-                lowest,
-                highest,
-                step: 1.0,
-                max_code: (highest - lowest) as u16,
-                lossless: true,
-            }
+            Self { lowest, highest, step: 1.0, max_code: (highest - lowest) as u16, lossless: true }
         } else {
             // Beyond 2^53 the range itself is rounded, and one `f64` may stand for several integers.
-            Self {
-                lossless: false,
-                ..Self::for_floats(lowest, highest)
-            }
+            Self { lossless: false, ..Self::for_floats(lowest, highest) }
         }
     }
 
     /// The map for floating-point voxels with the given finite range.
     pub fn for_floats(lowest: f64, highest: f64) -> Self {
         if highest <= lowest {
-            return Self {
-                lowest,
-                highest: lowest,
-                step: 1.0,
-                max_code: 0,
-                lossless: true,
-            };
+            return Self { lowest, highest: lowest, step: 1.0, max_code: 0, lossless: true };
         }
         let span = highest - lowest;
         if span.is_infinite() {
             // Quotients first: the difference of two finite numbers can overflow, that of their quotients cannot.
             let step = highest / HIGHEST_CODE - lowest / HIGHEST_CODE;
-            return Self {
-                lowest,
-                highest,
-                step,
-                max_code: u16::MAX,
-                lossless: false,
-            };
+            return Self { lowest, highest, step, max_code: u16::MAX, lossless: false };
         }
         let mut step = span / HIGHEST_CODE;
         if step < f64::MIN_POSITIVE {
@@ -74,13 +53,7 @@ impl CodeMap {
             let steps = (span / f64::from_bits(1)).ceil();
             step = (steps / HIGHEST_CODE).ceil() * f64::from_bits(1);
         }
-        Self {
-            lowest,
-            highest,
-            step,
-            max_code: (span / step).round() as u16,
-            lossless: false,
-        }
+        Self { lowest, highest, step, max_code: (span / step).round() as u16, lossless: false }
     }
 
     /// Bytes per voxel on the GPU: 1 or 2.
@@ -92,11 +65,7 @@ impl CodeMap {
     #[inline]
     pub fn code_from_value(&self, value: f64) -> u16 {
         let offset = value - self.lowest;
-        let code = if offset.is_finite() {
-            offset / self.step
-        } else {
-            value / self.step - self.lowest / self.step
-        };
+        let code = if offset.is_finite() { offset / self.step } else { value / self.step - self.lowest / self.step };
         // `as` truncates, saturates and sends NaN to 0, which is what is wanted; adding a half rounds without a
         // call into the maths library on processors that lack the instruction.
         ((code + 0.5) as u16).min(self.max_code)

@@ -31,22 +31,16 @@ impl Volume {
 
 fn write_codes<T: Sample>(values: &[T], map: &CodeMap, out: &mut [u8]) {
     if map.bytes_per_voxel() == 1 {
-        values
-            .par_chunks(CHUNK)
-            .zip(out.par_chunks_mut(CHUNK))
-            .for_each(|(values, out)| {
-                for (value, code) in values.iter().zip(out) {
-                    *code = map.code_from_value(value.to_f64()) as u8;
-                }
-            });
+        values.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK)).for_each(|(values, out)| {
+            for (value, code) in values.iter().zip(out) {
+                *code = map.code_from_value(value.to_f64()) as u8;
+            }
+        });
     } else {
-        values
-            .par_chunks(CHUNK)
-            .zip(out.par_chunks_mut(2 * CHUNK))
-            .for_each(|(values, out)| {
-                for (value, code) in values.iter().zip(out.chunks_exact_mut(2)) {
-                    code.copy_from_slice(&map.code_from_value(value.to_f64()).to_le_bytes());
-                }
-            });
+        values.par_chunks(CHUNK).zip(out.par_chunks_mut(2 * CHUNK)).for_each(|(values, out)| {
+            for (value, code) in values.iter().zip(out.chunks_exact_mut(2)) {
+                code.copy_from_slice(&map.code_from_value(value.to_f64()).to_le_bytes());
+            }
+        });
     }
 }

@@ -45,24 +45,15 @@ pub enum VolumeError {
 
 impl VolumeError {
     pub(super) fn malformed(field: &str, message: impl Into<String>) -> Self {
-        Self::Malformed {
-            field: field.to_owned(),
-            message: message.into(),
-        }
+        Self::Malformed { field: field.to_owned(), message: message.into() }
     }
 
     pub(super) fn unsupported(field: &str, message: impl Into<String>) -> Self {
-        Self::Unsupported {
-            field: field.to_owned(),
-            message: message.into(),
-        }
+        Self::Unsupported { field: field.to_owned(), message: message.into() }
     }
 
     pub(super) fn io(field: &str, source: io::Error) -> Self {
-        Self::Io {
-            field: field.to_owned(),
-            source,
-        }
+        Self::Io { field: field.to_owned(), source }
     }
 
     /// The field that the error is about.
@@ -79,11 +70,7 @@ impl VolumeError {
 /// The start of untrusted text, short enough and plain enough to put into a message.
 pub(super) fn excerpt(text: &str) -> String {
     const LONGEST: usize = 60;
-    let mut short: String = text
-        .chars()
-        .take(LONGEST)
-        .map(|c| if c.is_control() { '?' } else { c })
-        .collect();
+    let mut short: String = text.chars().take(LONGEST).map(|c| if c.is_control() { '?' } else { c }).collect();
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

@@ -44,9 +44,7 @@ impl Format {
             return Self::from_name(name);
         }
         // `application/x-nrrd; version=5` -> `nrrd`
-        let subtype = content_type
-            .and_then(|t| t.split(';').next())
-            .and_then(|t| t.split('/').nth(1));
+        let subtype = content_type.and_then(|t| t.split(';').next()).and_then(|t| t.split('/').nth(1));
         let subtype = subtype.unwrap_or_default().trim().to_ascii_lowercase();
         Self::from_hint(subtype.trim_start_matches("x-"))
             .or_else(|| Self::from_magic(first_bytes))
@@ -58,10 +56,7 @@ impl Format {
         match hint {
             "nrrd" | "nhdr" => Some(Ok(Self::Nrrd)),
             "raw" => Some(Ok(Self::Raw)),
-            _ => NOT_READ
-                .iter()
-                .find(|(_, hints)| hints.contains(&hint))
-                .map(|(name, _)| Err(not_read(name))),
+            _ => NOT_READ.iter().find(|(_, hints)| hints.contains(&hint)).map(|(name, _)| Err(not_read(name))),
         }
     }
 
@@ -88,11 +83,7 @@ impl Format {
 
     /// By the end of a file's name, else by its first bytes.
     fn of_file(path: &Path, first_bytes: &[u8]) -> Result<Self, VolumeError> {
-        let name = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .to_ascii_lowercase();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         let ends = name.split_once('.').map(|(_, ends)| ends).unwrap_or_default();
         // `head.v2.nii.gz`: every part after a dot may begin the ending.
         let mut hints = std::iter::successors(Some(ends), |ends| ends.split_once('.').map(|(_, rest)| rest));
@@ -132,10 +123,7 @@ pub fn load_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>, limits: &Li
     match opened.format {
         Format::Nrrd => {
             let directory = opened.path.parent().unwrap_or(data_dir);
-            let siblings = nrrd::Siblings {
-                root: data_dir,
-                directory,
-            };
+            let siblings = nrrd::Siblings { root: data_dir, directory };
             nrrd::read(opened.reader, opened.length, Some(siblings), limits)
         }
         Format::Raw => required(raw)?.read(&mut opened.reader, opened.length, limits),
@@ -172,11 +160,6 @@ impl Opened {
         let mut reader = BufReader::new(file);
         let first_bytes = reader.fill_buf().map_err(|e| VolumeError::io("path", e))?;
         let format = Format::of_file(&path, first_bytes)?;
-        Ok(Self {
-            path,
-            reader,
-            length,
-            format,
-        })
+        Ok(Self { path, reader, length, format })
     }
 }

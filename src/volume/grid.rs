@@ -28,12 +28,7 @@ pub struct Grid {
 impl Grid {
     /// An axis-aligned grid with the given spacing and the first voxel's centre at the origin.
     pub fn axis_aligned(dims: [u32; 3], spacing: DVec3) -> Self {
-        Self {
-            dims,
-            spacing,
-            origin: DVec3::ZERO,
-            direction: [DVec3::X, DVec3::Y, DVec3::Z],
-        }
+        Self { dims, spacing, origin: DVec3::ZERO, direction: [DVec3::X, DVec3::Y, DVec3::Z] }
     }
 
     /// Whether the grid maps index space to the world and back.
@@ -58,11 +53,7 @@ impl Grid {
 
     /// Dimensions as a vector.
     pub fn dims_vec(&self) -> DVec3 {
-        DVec3::new(
-            f64::from(self.dims[0]),
-            f64::from(self.dims[1]),
-            f64::from(self.dims[2]),
-        )
+        DVec3::new(f64::from(self.dims[0]), f64::from(self.dims[1]), f64::from(self.dims[2]))
     }
 
     /// The smallest spacing `h`: one voxel step of ambient occlusion and of the ray caster.
@@ -104,10 +95,7 @@ impl Grid {
 pub(super) fn check_spacing(field: &str, spacing: DVec3) -> Result<(), VolumeError> {
     let allowed = LARGEST_LENGTH.recip()..=LARGEST_LENGTH;
     match spacing.to_array().iter().find(|length| !allowed.contains(length)) {
-        Some(length) => Err(VolumeError::malformed(
-            field,
-            format!("{length} is not a spacing; expected {allowed:?}"),
-        )),
+        Some(length) => Err(VolumeError::malformed(field, format!("{length} is not a spacing; expected {allowed:?}"))),
         None => Ok(()),
     }
 }
@@ -118,10 +106,7 @@ pub(super) fn check_origin(field: &str, origin: DVec3) -> Result<(), VolumeError
     if origin.abs().cmple(DVec3::splat(LARGEST_LENGTH)).all() {
         Ok(())
     } else {
-        Err(VolumeError::malformed(
-            field,
-            format!("{origin} is not a position within {LARGEST_LENGTH:e}"),
-        ))
+        Err(VolumeError::malformed(field, format!("{origin} is not a position within {LARGEST_LENGTH:e}")))
     }
 }
 
@@ -129,10 +114,7 @@ pub(super) fn check_origin(field: &str, origin: DVec3) -> Result<(), VolumeError
 pub(super) fn check_direction(field: &str, direction: [DVec3; 3]) -> Result<(), VolumeError> {
     let [x, y, z] = direction;
     if !direction.iter().all(|d| (d.length() - 1.0).abs() < 1e-6) {
-        return Err(VolumeError::malformed(
-            field,
-            format!("{x} {y} {z} are not unit vectors"),
-        ));
+        return Err(VolumeError::malformed(field, format!("{x} {y} {z} are not unit vectors")));
     }
     if DMat3::from_cols(x, y, z).determinant().abs() < SMALLEST_DETERMINANT {
         return Err(VolumeError::malformed(field, format!("{x} {y} {z} lie in one plane")));

@@ -30,16 +30,10 @@ impl Volume {
     /// Names `bins` unless it is 1 to [`MAX_BINS`].
     pub fn histogram(&self, bins: u32) -> Result<Histogram, VolumeError> {
         if !(1..=MAX_BINS).contains(&bins) {
-            return Err(VolumeError::malformed(
-                "bins",
-                format!("{bins} is not in 1 to {MAX_BINS}"),
-            ));
+            return Err(VolumeError::malformed("bins", format!("{bins} is not in 1 to {MAX_BINS}")));
         }
         let counts = with_voxels!(&self.voxels, v => count(v, &self.code_map, bins as usize));
-        Ok(Histogram {
-            range: self.code_map.value_range(),
-            counts,
-        })
+        Ok(Histogram { range: self.code_map.value_range(), counts })
     }
 }
 
@@ -55,21 +49,13 @@ fn count<T: Sample>(values: &[T], map: &CodeMap, bins: usize) -> Vec<u64> {
         sum.iter_mut().zip(counts).for_each(|(sum, n)| *sum += n);
         sum
     };
-    values
-        .par_chunks(CHUNK)
-        .map(count_chunk)
-        .reduce_with(add)
-        .unwrap_or_else(|| vec![0; bins])
+    values.par_chunks(CHUNK).map(count_chunk).reduce_with(add).unwrap_or_else(|| vec![0; bins])
 }
 
 fn bin(value: f64, map: &CodeMap, bins: usize) -> usize {
     // Multiplied first: for integers the product is exact, so that bin edges are where they should be.
     let position = (value - map.lowest) * bins as f64 / (map.highest - map.lowest);
     // Not finite in a constant volume, and where a range of huge floats overflows.
-    let position = if position.is_finite() {
-        position
-    } else {
-        map.normalised(value) * bins as f64
-    };
+    let position = if position.is_finite() { position } else { map.normalised(value) * bins as f64 };
     (position as usize).min(bins - 1)
 }

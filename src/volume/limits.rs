@@ -16,11 +16,7 @@ pub struct Limits {
 impl Default for Limits {
     /// 4096 along an axis, 2^31 voxels, 8 GiB.
     fn default() -> Self {
-        Self {
-            max_axis: 4096,
-            max_voxels: 1 << 31,
-            max_bytes: 8 << 30,
-        }
+        Self { max_axis: 4096, max_voxels: 1 << 31, max_bytes: 8 << 30 }
     }
 }
 
@@ -43,12 +39,7 @@ impl Limits {
         ];
         for (unit, needed, limit) in checks {
             if needed > u128::from(limit) {
-                return Err(VolumeError::TooLarge {
-                    field: field.to_owned(),
-                    unit,
-                    needed,
-                    limit,
-                });
+                return Err(VolumeError::TooLarge { field: field.to_owned(), unit, needed, limit });
             }
         }
         Ok(usize::try_from(voxels).expect("no more voxels than bytes, and those fit in isize"))
@@ -57,6 +48,5 @@ impl Limits {
 
 /// Host bytes of the voxels of a volume; `None` if that does not fit in 64 bits.
 pub fn bytes_needed(dims: [u32; 3], voxel_type: VoxelType) -> Option<u64> {
-    dims.iter()
-        .try_fold(voxel_type.bytes(), |bytes, &n| bytes.checked_mul(u64::from(n)))
+    dims.iter().try_fold(voxel_type.bytes(), |bytes, &n| bytes.checked_mul(u64::from(n)))
 }

@@ -76,12 +76,7 @@ impl Volume {
         } else {
             CodeMap::for_floats(lowest, highest)
         };
-        Ok(Self {
-            grid,
-            voxels,
-            code_map,
-            nan_count,
-        })
+        Ok(Self { grid, voxels, code_map, nan_count })
     }
 
     /// Bytes of host memory that the voxels fill.
@@ -92,14 +87,8 @@ impl Volume {
     /// Value of voxel (i, j, k) in the file's units, the lowest one for NaN. Panics outside the volume.
     pub fn value_at(&self, [i, j, k]: [u32; 3]) -> f64 {
         let [nx, ny, _] = self.grid.dims;
-        assert!(
-            i < nx && j < ny,
-            "voxel ({i}, {j}, {k}) is outside {:?}",
-            self.grid.dims
-        );
-        let value = self
-            .voxels
-            .value((k as usize * ny as usize + j as usize) * nx as usize + i as usize);
+        assert!(i < nx && j < ny, "voxel ({i}, {j}, {k}) is outside {:?}", self.grid.dims);
+        let value = self.voxels.value((k as usize * ny as usize + j as usize) * nx as usize + i as usize);
         if value.is_nan() { self.code_map.lowest } else { value }
     }
 

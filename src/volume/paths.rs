@@ -23,10 +23,7 @@ pub(super) fn resolve_inside(root: &Path, base: &Path, name: &str, field: &str) 
         return Err(VolumeError::malformed(field, message));
     }
     if !path.is_file() {
-        return Err(VolumeError::malformed(
-            field,
-            format!("{} is not a file", excerpt(name)),
-        ));
+        return Err(VolumeError::malformed(field, format!("{} is not a file", excerpt(name))));
     }
     Ok(path)
 }

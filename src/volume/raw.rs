@@ -31,13 +31,10 @@ impl RawSpec {
         endian: Option<&str>,
         spacing: Option<&str>,
     ) -> Result<Self, VolumeError> {
-        let voxel_type = VoxelType::ALL
-            .into_iter()
-            .find(|t| t.name() == voxel_type)
-            .ok_or_else(|| {
-                let names = VoxelType::ALL.map(VoxelType::name).join(", ");
-                VolumeError::malformed("type", format!("{} is not one of {names}", excerpt(voxel_type)))
-            })?;
+        let voxel_type = VoxelType::ALL.into_iter().find(|t| t.name() == voxel_type).ok_or_else(|| {
+            let names = VoxelType::ALL.map(VoxelType::name).join(", ");
+            VolumeError::malformed("type", format!("{} is not one of {names}", excerpt(voxel_type)))
+        })?;
         let endian = match endian {
             None | Some("little") => Endian::Little,
             Some("big") => Endian::Big,
@@ -47,12 +44,7 @@ impl RawSpec {
             }
         };
         let spacing = spacing.map_or(Ok([1.0; 3]), |text| parse_triple("spacing", text))?;
-        Ok(Self {
-            dims: parse_triple("dims", dims)?,
-            voxel_type,
-            endian,
-            spacing,
-        })
+        Ok(Self { dims: parse_triple("dims", dims)?, voxel_type, endian, spacing })
     }
 
     /// Reads a volume from the `length` bytes of a file.
@@ -79,9 +71,6 @@ impl RawSpec {
 fn parse_triple<T: std::str::FromStr>(field: &str, text: &str) -> Result<[T; 3], VolumeError> {
     let numbers: Option<Vec<T>> = text.split(',').take(4).map(|n| n.trim().parse().ok()).collect();
     numbers.and_then(|n| n.try_into().ok()).ok_or_else(|| {
-        VolumeError::malformed(
-            field,
-            format!("{} is not three numbers with commas between them", excerpt(text)),
-        )
+        VolumeError::malformed(field, format!("{} is not three numbers with commas between them", excerpt(text)))
     })
 }

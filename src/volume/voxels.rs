@@ -54,27 +54,13 @@ pub enum Endian {
 
 impl Endian {
     /// The byte order of this machine.
-    pub const NATIVE: Self = if cfg!(target_endian = "big") {
-        Self::Big
-    } else {
-        Self::Little
-    };
+    pub const NATIVE: Self = if cfg!(target_endian = "big") { Self::Big } else { Self::Little };
 }
 
 impl VoxelType {
     /// Every type.
-    pub const ALL: [Self; 10] = [
-        Self::U8,
-        Self::I8,
-        Self::U16,
-        Self::I16,
-        Self::U32,
-        Self::I32,
-        Self::U64,
-        Self::I64,
-        Self::F32,
-        Self::F64,
-    ];
+    pub const ALL: [Self; 10] =
+        [Self::U8, Self::I8, Self::U16, Self::I16, Self::U32, Self::I32, Self::U64, Self::I64, Self::F32, Self::F64];
 
     /// Bytes of one voxel.
     pub fn bytes(self) -> u64 {
@@ -311,22 +297,13 @@ fn statistics<T: Sample>(voxels: &[T]) -> Result<VoxelStatistics, VolumeError> {
             first_infinite: a.first_infinite.or(b.first_infinite),
         });
     let Some(total) = total else {
-        return Ok(VoxelStatistics {
-            range: None,
-            nan_count: 0,
-        });
+        return Ok(VoxelStatistics { range: None, nan_count: 0 });
     };
     if let Some(index) = total.first_infinite {
-        return Err(VolumeError::malformed(
-            "voxels",
-            format!("infinite value at index {index}"),
-        ));
+        return Err(VolumeError::malformed("voxels", format!("infinite value at index {index}")));
     }
     let range = total.range.map(|(lo, hi)| [lo.to_f64(), hi.to_f64()]);
-    Ok(VoxelStatistics {
-        range,
-        nan_count: total.nan_count,
-    })
+    Ok(VoxelStatistics { range, nan_count: total.nan_count })
 }
 
 fn chunk_statistics<T: Sample>(values: &[T], first_index: usize) -> ChunkStatistics<T> {
@@ -349,17 +326,7 @@ fn chunk_statistics<T: Sample>(values: &[T], first_index: usize) -> ChunkStatist
         nan_count = values.len() as u64;
     }
     let infinite = range.is_some_and(|(lo, hi)| lo.to_f64().is_infinite() || hi.to_f64().is_infinite());
-    let first_infinite = if infinite {
-        values
-            .iter()
-            .position(|v| v.to_f64().is_infinite())
-            .map(|i| first_index + i)
-    } else {
-        None
-    };
-    ChunkStatistics {
-        range,
-        nan_count,
-        first_infinite,
-    }
+    let first_infinite =
+        if infinite { values.iter().position(|v| v.to_f64().is_infinite()).map(|i| first_index + i) } else { None };
+    ChunkStatistics { range, nan_count, first_infinite }
 }

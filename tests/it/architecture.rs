@@ -44,12 +44,7 @@ fn used_modules(path: &str, code: &str, modules: &BTreeSet<String>) -> BTreeSet<
                 continue;
             }
             let names = first_names(&code[at + prefix.len()..]);
-            used.extend(
-                names
-                    .into_iter()
-                    .filter(|name| modules.contains(*name))
-                    .map(str::to_owned),
-            );
+            used.extend(names.into_iter().filter(|name| modules.contains(*name)).map(str::to_owned));
         }
     }
     used
@@ -71,15 +66,9 @@ fn used_edges(files: &[Source]) -> Edges {
 
 /// The table under `## Layers`, from the top down: rows `| module | may use |`, names apart by commas.
 fn layer_table(architecture: &str) -> Vec<(String, BTreeSet<String>)> {
-    let section = architecture
-        .split("\n## ")
-        .find(|section| section.starts_with("Layers\n"))
-        .unwrap_or("");
+    let section = architecture.split("\n## ").find(|section| section.starts_with("Layers\n")).unwrap_or("");
     let names = |cell: &str| -> Vec<String> {
-        cell.split(',')
-            .map(|name| name.trim().trim_matches('`').to_owned())
-            .filter(|name| !name.is_empty())
-            .collect()
+        cell.split(',').map(|name| name.trim().trim_matches('`').to_owned()).filter(|name| !name.is_empty()).collect()
     };
     let rows = section.lines().filter(|line| line.starts_with('|')).skip(2);
     rows.filter_map(|row| {
@@ -97,28 +86,18 @@ fn layer_faults(architecture: &str, files: &[Source]) -> Vec<String> {
     for (row, (module, allowed)) in table.iter().enumerate() {
         for other in allowed {
             if !table[row + 1..].iter().any(|(below, _)| below == other) {
-                faults.push(format!(
-                    "the table lets {module} use {other}, which is not a row below it"
-                ));
+                faults.push(format!("the table lets {module} use {other}, which is not a row below it"));
             }
         }
         let Some(used) = edges.get(module) else {
             faults.push(format!("the table has {module}, which is no module"));
             continue;
         };
-        faults.extend(
-            used.difference(allowed)
-                .map(|other| format!("{module} uses {other}, which the table forbids")),
-        );
-        faults.extend(
-            allowed
-                .difference(used)
-                .map(|other| format!("the table lets {module} use {other}; it does not")),
-        );
+        faults.extend(used.difference(allowed).map(|other| format!("{module} uses {other}, which the table forbids")));
+        faults
+            .extend(allowed.difference(used).map(|other| format!("the table lets {module} use {other}; it does not")));
     }
-    let missing = edges
-        .keys()
-        .filter(|module| !table.iter().any(|(row, _)| row == *module));
+    let missing = edges.keys().filter(|module| !table.iter().any(|(row, _)| row == *module));
     faults.extend(missing.map(|module| format!("the table lacks {module}, which uses {:?}", edges[module])));
     faults
 }
@@ -138,10 +117,7 @@ fn modules_use_each_other_as_the_table_of_architecture_md_says() {
     let (architecture, files) = (read("ARCHITECTURE.md"), sources("src", &["rs"]));
     let mut faults = layer_faults(&architecture, &files);
     if !faults.is_empty() {
-        faults.push(format!(
-            "\nthe rows as the code has them:\n{}",
-            true_rows(&architecture, &files)
-        ));
+        faults.push(format!("\nthe rows as the code has them:\n{}", true_rows(&architecture, &files)));
     }
     assert_none(&faults);
 }
@@ -158,21 +134,12 @@ fn the_layer_check_finds_every_kind_of_disagreement() {
     assert_none(&layer_faults(table, &in_memory(&good)));
 
     let with = |path, text| in_memory(&[good[0], (path, text), good[1]]);
+    assert_finds(&layer_faults(table, &with("src/low/up.rs", "fn f() { crate::top::g() }")), &["low uses top"]);
     assert_finds(
-        &layer_faults(table, &with("src/low/up.rs", "fn f() { crate::top::g() }")),
+        &layer_faults(table, &with("src/low/up.rs", "use crate::{\n  low::{self, z},\n  top};")),
         &["low uses top"],
     );
-    assert_finds(
-        &layer_faults(
-            table,
-            &with("src/low/up.rs", "use crate::{\n  low::{self, z},\n  top};"),
-        ),
-        &["low uses top"],
-    );
-    assert_finds(
-        &layer_faults(table, &with("src/low/up.rs", "use super::super::top;")),
-        &["low uses top"],
-    );
+    assert_finds(&layer_faults(table, &with("src/low/up.rs", "use super::super::top;")), &["low uses top"]);
     assert_finds(&layer_faults(table, &with("src/new.rs", "")), &["lacks new"]);
     assert_finds(
         &layer_faults(table, &with("src/main.rs", "use spao_server::top;")),
@@ -186,12 +153,6 @@ fn the_layer_check_finds_every_kind_of_disagreement() {
         &["low, which is no module", "lets top use low; it does not"],
     );
     let upward = table.replace("| `low` | |", "| `low` | `top` |");
-    assert_finds(
-        &layer_faults(&upward, &with("src/low/up.rs", "use crate::top;")),
-        &["not a row below it"],
-    );
-    assert_finds(
-        &layer_faults("no table", &in_memory(&good)),
-        &["lacks top", "lacks low"],
-    );
+    assert_finds(&layer_faults(&upward, &with("src/low/up.rs", "use crate::top;")), &["not a row below it"]);
+    assert_finds(&layer_faults("no table", &in_memory(&good)), &["lacks top", "lacks low"]);
 }

@@ -18,34 +18,21 @@ fn serve_flags(text: &str) -> BTreeSet<String> {
     let Some(serve) = words.iter().rposition(|word| word == "serve") else {
         return BTreeSet::new();
     };
-    words
-        .into_iter()
-        .skip(serve)
-        .filter(|word| word.len() > 2 && word.starts_with("--"))
-        .collect()
+    words.into_iter().skip(serve).filter(|word| word.len() > 2 && word.starts_with("--")).collect()
 }
 
 /// Flags of a text that the help does not name.
 fn unknown_flags(text: &str, help: &str) -> Vec<String> {
     let known = words(help);
-    serve_flags(text)
-        .into_iter()
-        .filter(|flag| !known.contains(flag))
-        .collect()
+    serve_flags(text).into_iter().filter(|flag| !known.contains(flag)).collect()
 }
 
 /// What `make target` would run, without running it.
 fn recipe(target: &str) -> String {
     let mut make = Command::new("make");
     // The tests run below `make test`, whose flags are not meant for this one.
-    make.env_remove("MAKEFLAGS")
-        .env_remove("MAKELEVEL")
-        .env_remove("MFLAGS");
-    let output = make
-        .args(["--dry-run", target])
-        .current_dir(root())
-        .output()
-        .expect("make is what runs the tests");
+    make.env_remove("MAKEFLAGS").env_remove("MAKELEVEL").env_remove("MFLAGS");
+    let output = make.args(["--dry-run", target]).current_dir(root()).output().expect("make is what runs the tests");
     assert!(output.status.success(), "{}", stderr(&output));
     String::from_utf8(output.stdout).expect("recipes are UTF-8")
 }
@@ -55,10 +42,8 @@ fn stderr(output: &Output) -> String {
 }
 
 fn server(arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_spao-server"))
-        .args(arguments)
-        .output()
-        .expect("the binary was built");
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_spao-server")).args(arguments).output().expect("the binary was built");
     assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
     String::from_utf8(output.stdout).expect("help is UTF-8")
 }
@@ -82,20 +67,11 @@ fn make_run_and_make_test_need_no_other_command() {
     for recipe in [&run, &test] {
         assert!(recipe.starts_with("scripts/ensure-vulkan.sh\n"), "{recipe}");
     }
-    let volume = run
-        .split("--volume ")
-        .nth(1)
-        .and_then(|rest| rest.split_whitespace().next())
-        .expect("a demo volume");
+    let volume = run.split("--volume ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a demo volume");
     assert!(root().join(volume).is_file(), "{volume}");
-    for promised in [
-        "fmt --check",
-        "clippy",
-        "-D warnings",
-        "cargo doc",
-        "cargo-deny.sh bans licenses sources",
-        "cargo test",
-    ] {
+    for promised in
+        ["fmt --check", "clippy", "-D warnings", "cargo doc", "cargo-deny.sh bans licenses sources", "cargo test"]
+    {
         assert!(test.contains(promised), "`make test` lacks {promised}");
     }
 }
@@ -114,14 +90,8 @@ fn ci_runs_what_the_readme_promises() {
 #[test]
 fn a_vulkan_driver_that_is_named_but_missing_is_an_error_and_installs_nothing() {
     let mut script = Command::new("/bin/bash");
-    script
-        .arg("scripts/ensure-vulkan.sh")
-        .env("PATH", "/nowhere")
-        .env("VK_DRIVER_FILES", "/nowhere/icd.json");
-    let output = script
-        .current_dir(root())
-        .output()
-        .expect("bash is where Debian has it");
+    script.arg("scripts/ensure-vulkan.sh").env("PATH", "/nowhere").env("VK_DRIVER_FILES", "/nowhere/icd.json");
+    let output = script.current_dir(root()).output().expect("bash is where Debian has it");
     assert!(!output.status.success());
     assert!(
         stderr(&output).contains("VK_DRIVER_FILES") && stderr(&output).contains("/nowhere/icd.json"),

@@ -30,17 +30,10 @@ pub(crate) fn sources(folder: &str, extensions: &[&str]) -> Vec<Source> {
             if name.starts_with('.') || ["target", "node_modules", "__pycache__"].contains(&name) {
                 continue;
             }
-            let path = if folder.is_empty() {
-                name.to_owned()
-            } else {
-                format!("{folder}/{name}")
-            };
+            let path = if folder.is_empty() { name.to_owned() } else { format!("{folder}/{name}") };
             if root().join(&path).is_dir() {
                 folders.push(path);
-            } else if extensions
-                .iter()
-                .any(|extension| name.ends_with(&format!(".{extension}")))
-            {
+            } else if extensions.iter().any(|extension| name.ends_with(&format!(".{extension}"))) {
                 found.push((path.clone(), read(&path)));
             }
         }
@@ -58,10 +51,7 @@ pub(crate) fn module_path(path: &str) -> Vec<&str> {
 
 /// The text without line comments, so that a link in documentation is no dependency.
 pub(crate) fn code_of(text: &str) -> String {
-    text.lines()
-        .map(|line| line.split("//").next().unwrap_or(""))
-        .collect::<Vec<_>>()
-        .join("\n")
+    text.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
 }
 
 /// What names are made of.
@@ -71,10 +61,7 @@ pub(crate) fn is_word(c: char) -> bool {
 
 /// Files that are not there, for showing that a check finds what it looks for.
 pub(crate) fn in_memory(files: &[(&str, &str)]) -> Vec<Source> {
-    files
-        .iter()
-        .map(|(path, text)| ((*path).to_owned(), (*text).to_owned()))
-        .collect()
+    files.iter().map(|(path, text)| ((*path).to_owned(), (*text).to_owned())).collect()
 }
 
 /// That a check found nothing.
@@ -88,9 +75,6 @@ pub(crate) fn assert_none(faults: &[String]) {
 pub(crate) fn assert_finds(faults: &[String], expected: &[&str]) {
     assert_eq!(faults.len(), expected.len(), "{faults:#?}");
     for words in expected {
-        assert!(
-            faults.iter().any(|fault| fault.contains(words)),
-            "no {words:?} in {faults:#?}"
-        );
+        assert!(faults.iter().any(|fault| fault.contains(words)), "no {words:?} in {faults:#?}");
     }
 }

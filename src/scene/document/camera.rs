@@ -39,23 +39,14 @@ impl CameraDocument {
             eye: vector("camera.eye", shape.eye.as_ref())?,
             target: vector("camera.target", shape.target.as_ref())?,
             up: up.map(|up| check::nonzero("camera.up", up)).transpose()?,
-            kind: check::named_or(
-                "camera.projection",
-                shape.projection.as_deref(),
-                &KINDS,
-                Kind::Perspective,
-            )?,
+            kind: check::named_or("camera.projection", shape.projection.as_deref(), &KINDS, Kind::Perspective)?,
             fov_y_deg: check::number_or(
                 "camera.fov_y_deg",
                 shape.fov_y_deg.as_ref(),
                 Interval::Open(0.0, 180.0),
                 DEFAULT_FOV_Y_DEG,
             )?,
-            height: shape
-                .height
-                .as_ref()
-                .map(|given| check::number("camera.height", given, POSITIVE))
-                .transpose()?,
+            height: shape.height.as_ref().map(|given| check::number("camera.height", given, POSITIVE)).transpose()?,
         })
     }
 
@@ -67,28 +58,16 @@ impl CameraDocument {
         let view = view_direction(eye, target)?;
         let up = self.up.unwrap_or_else(|| default_up(view));
         if sine_between(view, up) < MIN_UP_SINE {
-            return Err(SceneError::invalid(
-                "camera.up",
-                "expected a direction that is not parallel to the view",
-            ));
+            return Err(SceneError::invalid("camera.up", "expected a direction that is not parallel to the view"));
         }
         let projection = match self.kind {
-            Kind::Perspective => Projection::Perspective {
-                fov_y_deg: self.fov_y_deg,
-            },
+            Kind::Perspective => Projection::Perspective { fov_y_deg: self.fov_y_deg },
             Kind::Orthographic => {
                 let height = self.height.unwrap_or_else(|| framed_height(grid, aspect, view, up));
-                Projection::Orthographic {
-                    height: finite_coordinate(height)?,
-                }
+                Projection::Orthographic { height: finite_coordinate(height)? }
             }
         };
-        Ok(Camera {
-            eye,
-            target,
-            up,
-            projection,
-        })
+        Ok(Camera { eye, target, up, projection })
     }
 }
 
@@ -112,10 +91,8 @@ fn view_direction(eye: DVec3, target: DVec3) -> Result<DVec3, SceneError> {
     for coordinate in eye.to_array().into_iter().chain(target.to_array()) {
         finite_coordinate(coordinate)?;
     }
-    let view = check::nonzero("camera.target", target - eye).map_err(|error| SceneError {
-        message: "expected a point other than `eye`".into(),
-        ..error
-    })?;
+    let view = check::nonzero("camera.target", target - eye)
+        .map_err(|error| SceneError { message: "expected a point other than `eye`".into(), ..error })?;
     Ok(view.normalize())
 }
 
@@ -124,20 +101,13 @@ fn finite_coordinate(coordinate: f64) -> Result<f64, SceneError> {
     if coordinate.abs() <= check::MAX_COORDINATE {
         Ok(coordinate)
     } else {
-        Err(SceneError::invalid(
-            "camera",
-            "cannot frame this volume; give `eye`, `target` and `height`",
-        ))
+        Err(SceneError::invalid("camera", "cannot frame this volume; give `eye`, `target` and `height`"))
     }
 }
 
 /// +z, or -y (a patient's front) for a view along z.
 fn default_up(view: DVec3) -> DVec3 {
-    if sine_between(view, DVec3::Z) < MIN_UP_SINE {
-        -DVec3::Y
-    } else {
-        DVec3::Z
-    }
+    if sine_between(view, DVec3::Z) < MIN_UP_SINE { -DVec3::Y } else { DVec3::Z }
 }
 
 /// Of the angle between a unit vector and a vector of any length but zero.

@@ -44,11 +44,7 @@ impl Interval {
 impl fmt::Display for Interval {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let end = |x: f64| {
-            if x.abs() >= 1e6 {
-                format!("{x:e}")
-            } else {
-                x.to_string()
-            }
+            if x.abs() >= 1e6 { format!("{x:e}") } else { x.to_string() }
         };
         match *self {
             Self::Closed(low, high) => write!(f, "[{}, {}]", end(low), end(high)),
@@ -79,9 +75,7 @@ pub(super) fn whole_number_or(
     default: u32,
 ) -> Result<u32, SceneError> {
     let Some(given) = given else { return Ok(default) };
-    let x = given
-        .as_f64()
-        .filter(|x| x.fract() == 0.0 && f64::from(low) <= *x && *x <= f64::from(high));
+    let x = given.as_f64().filter(|x| x.fract() == 0.0 && f64::from(low) <= *x && *x <= f64::from(high));
     x.map(|x| x as u32)
         .ok_or_else(|| SceneError::invalid(path, format!("expected a whole number in [{low}, {high}], got {given}")))
 }
@@ -108,11 +102,7 @@ pub(super) fn nonzero(path: impl fmt::Display, vector: DVec3) -> Result<DVec3, S
 /// rounding stays as it is: otherwise reading what was written could change its last bit.
 pub(super) fn unit_length_factor(vector: DVec3) -> f64 {
     let length = vector.length();
-    if (length - 1.0).abs() < 1e-12 {
-        1.0
-    } else {
-        1.0 / length
-    }
+    if (length - 1.0).abs() < 1e-12 { 1.0 } else { 1.0 / length }
 }
 
 /// A colour, or the default where the document has none.
@@ -152,10 +142,7 @@ pub(super) fn implemented_or<T: Copy>(
     match given.filter(|given| not_yet.contains(given)) {
         Some(given) => Err(SceneError::not_implemented(
             path,
-            format!(
-                "`{given}` is known, but this server does not implement it yet; available: {}",
-                listed(names)
-            ),
+            format!("`{given}` is known, but this server does not implement it yet; available: {}", listed(names)),
         )),
         None => named_or(path, given, names, default),
     }
@@ -163,11 +150,7 @@ pub(super) fn implemented_or<T: Copy>(
 
 /// The name of a value, the inverse of [`named_or`].
 pub(super) fn name_of<T: Copy + PartialEq>(value: T, names: &[(&'static str, T)]) -> &'static str {
-    names
-        .iter()
-        .find(|(_, v)| *v == value)
-        .map(|&(name, _)| name)
-        .expect("every variant is in its table of names")
+    names.iter().find(|(_, v)| *v == value).map(|&(name, _)| name).expect("every variant is in its table of names")
 }
 
 /// A finite number as JSON.

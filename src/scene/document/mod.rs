@@ -134,10 +134,7 @@ fn section<T: Default>(given: Option<Object<T>>) -> T {
 fn volume_id(given: Option<String>) -> Result<VolumeId, SceneError> {
     let given = given.ok_or_else(|| SceneError::invalid("volume", "required: the id of a volume"))?;
     if given.is_empty() || given.len() > MAX_VOLUME_ID_BYTES {
-        let message = format!(
-            "expected the id of a volume, 1 to {MAX_VOLUME_ID_BYTES} bytes, got {}",
-            given.len()
-        );
+        let message = format!("expected the id of a volume, 1 to {MAX_VOLUME_ID_BYTES} bytes, got {}", given.len());
         return Err(SceneError::invalid("volume", message));
     }
     Ok(VolumeId(given))

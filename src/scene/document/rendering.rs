@@ -24,12 +24,7 @@ pub(super) fn from_shape(shape: &RenderingShape) -> Result<Rendering, SceneError
         return Err(not_yet("rendering.opacity_modulation"));
     }
     Ok(Rendering {
-        mode: check::implemented_or(
-            "rendering.mode",
-            shape.mode.as_deref(),
-            (&MODES, &MODES_NOT_YET),
-            default.mode,
-        )?,
+        mode: check::implemented_or("rendering.mode", shape.mode.as_deref(), (&MODES, &MODES_NOT_YET), default.mode)?,
         sampling_rate: check::number_or(
             "rendering.sampling_rate",
             shape.sampling_rate.as_ref(),
@@ -54,19 +49,14 @@ pub(super) fn to_shape(rendering: &Rendering) -> RenderingShape {
         iso_value: None,
         sampling_rate: Some(check::json_number(rendering.sampling_rate)),
         background: Some(rendering.background.to_hex()),
-        clip_box: rendering
-            .clip_box
-            .map(|clip_box| [clip_box.min, clip_box.max].map(check::json_triple)),
+        clip_box: rendering.clip_box.map(|clip_box| [clip_box.min, clip_box.max].map(check::json_triple)),
         clip_planes: Some(rendering.clip_planes.iter().map(plane).collect()),
         opacity_modulation: None,
     }
 }
 
 fn not_yet(path: &str) -> SceneError {
-    SceneError::not_implemented(
-        path,
-        "known, but this server does not implement it yet; available: null",
-    )
+    SceneError::not_implemented(path, "known, but this server does not implement it yet; available: null")
 }
 
 fn clip_box([min, max]: &[Triple; 2]) -> Result<ClipBox, SceneError> {
@@ -88,11 +78,7 @@ fn clip_planes(given: &[[Number; 4]]) -> Result<Vec<ClipPlane>, SceneError> {
         let message = format!("expected at most {MAX_CLIP_PLANES} planes, got {}", given.len());
         return Err(SceneError::invalid("rendering.clip_planes", message));
     }
-    given
-        .iter()
-        .enumerate()
-        .map(|(index, plane)| clip_plane(index, plane))
-        .collect()
+    given.iter().enumerate().map(|(index, plane)| clip_plane(index, plane)).collect()
 }
 
 fn clip_plane(index: usize, given: &[Number; 4]) -> Result<ClipPlane, SceneError> {
@@ -106,10 +92,7 @@ fn clip_plane(index: usize, given: &[Number; 4]) -> Result<ClipPlane, SceneError
     let factor = check::unit_length_factor(normal);
     let (normal, d) = (normal * factor, d * factor);
     if d.abs() > check::MAX_COORDINATE {
-        return Err(SceneError::invalid(
-            path,
-            "expected a plane [nx, ny, nz, d] nearer to the origin",
-        ));
+        return Err(SceneError::invalid(path, "expected a plane [nx, ny, nz, d] nearer to the origin"));
     }
     Ok(ClipPlane { normal, d })
 }

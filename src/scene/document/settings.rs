@@ -8,29 +8,15 @@ use super::check::{self, Interval};
 use super::shape::{AmbientOcclusionShape, LightingShape, ViewportShape};
 use crate::scene::{AmbientOcclusion, AoMethod, AoStructure, Lighting, Radius, Rgb, SceneError, Viewport};
 
-const METHODS: [(&str, AoMethod); 3] = [
-    ("off", AoMethod::Off),
-    ("spao", AoMethod::Spao),
-    ("raytraced", AoMethod::Raytraced),
-];
+const METHODS: [(&str, AoMethod); 3] =
+    [("off", AoMethod::Off), ("spao", AoMethod::Spao), ("raytraced", AoMethod::Raytraced)];
 
 /// Methods of the contract that do not exist yet.
-const METHODS_NOT_YET: [&str; 8] = [
-    "directional",
-    "vao_cdf",
-    "vao_gaussian",
-    "vao_penner",
-    "vicinity",
-    "obscurances",
-    "local",
-    "histogram",
-];
+const METHODS_NOT_YET: [&str; 8] =
+    ["directional", "vao_cdf", "vao_gaussian", "vao_penner", "vicinity", "obscurances", "local", "histogram"];
 
-const STRUCTURES: [(&str, AoStructure); 3] = [
-    ("n_buffer", AoStructure::NBuffer),
-    ("mipmap", AoStructure::Mipmap),
-    ("hybrid", AoStructure::Hybrid),
-];
+const STRUCTURES: [(&str, AoStructure); 3] =
+    [("n_buffer", AoStructure::NBuffer), ("mipmap", AoStructure::Mipmap), ("hybrid", AoStructure::Hybrid)];
 
 /// Ranges of the Blinn-Phong coefficients.
 const COEFFICIENT: Interval = Interval::Closed(0.0, 4.0);
@@ -42,19 +28,9 @@ pub(super) fn ambient_occlusion_from_shape(shape: &AmbientOcclusionShape) -> Res
     let default = AmbientOcclusion::default();
     let method = shape.method.as_deref();
     let structure = shape.structure.as_deref();
-    let levels = check::whole_number_or(
-        "ambient_occlusion.levels",
-        shape.levels.as_ref(),
-        (1, 8),
-        default.levels,
-    )?;
+    let levels = check::whole_number_or("ambient_occlusion.levels", shape.levels.as_ref(), (1, 8), default.levels)?;
     let number = |field: &str, given: &Option<Number>, high: f64, default: f64| {
-        check::number_or(
-            &format!("ambient_occlusion.{field}"),
-            given.as_ref(),
-            Interval::Closed(0.0, high),
-            default,
-        )
+        check::number_or(&format!("ambient_occlusion.{field}"), given.as_ref(), Interval::Closed(0.0, high), default)
     };
     let color_bleeding = number("color_bleeding", &shape.color_bleeding, 1.0, default.color_bleeding)?;
     if color_bleeding != 0.0 {
@@ -110,10 +86,7 @@ fn radius(given: Option<&Value>) -> Result<Radius, SceneError> {
         None => Ok(Radius::SameAsLevels),
         Some(Value::Number(voxels)) => check::number(path, voxels, Interval::Closed(1.0, 1024.0)).map(Radius::Voxels),
         Some(Value::String(name)) if name == "unlimited" => Ok(Radius::Unlimited),
-        Some(_) => Err(SceneError::invalid(
-            path,
-            "expected null, a number of voxels in [1, 1024] or \"unlimited\"",
-        )),
+        Some(_) => Err(SceneError::invalid(path, "expected null, a number of voxels in [1, 1024] or \"unlimited\"")),
     }
 }
 
@@ -127,20 +100,13 @@ pub(super) fn lighting_from_shape(shape: &LightingShape) -> Result<Lighting, Sce
         let direction = check::nonzero(path, check::vector(path, given)?)?;
         Ok(direction * check::unit_length_factor(direction))
     };
-    let exposure = shape
-        .exposure
-        .as_ref()
-        .map(|given| check::number("lighting.exposure", given, Interval::Closed(0.0, 16.0)));
+    let exposure =
+        shape.exposure.as_ref().map(|given| check::number("lighting.exposure", given, Interval::Closed(0.0, 16.0)));
     Ok(Lighting {
         ambient: number("ambient", &shape.ambient, COEFFICIENT, default.ambient)?,
         diffuse: number("diffuse", &shape.diffuse, COEFFICIENT, default.diffuse)?,
         specular: number("specular", &shape.specular, COEFFICIENT, default.specular)?,
-        shininess: number(
-            "shininess",
-            &shape.shininess,
-            Interval::Closed(1.0, 1000.0),
-            default.shininess,
-        )?,
+        shininess: number("shininess", &shape.shininess, Interval::Closed(1.0, 1000.0), default.shininess)?,
         direction: shape.direction.as_ref().map(direction).transpose()?,
         color: check::color("lighting.color", shape.color.as_deref(), Rgb::from_hex, default.color)?,
         exposure: exposure.transpose()?,
@@ -168,8 +134,5 @@ pub(super) fn viewport_from_shape(shape: &ViewportShape) -> Result<Viewport, Sce
 }
 
 pub(super) fn viewport_to_shape(viewport: &Viewport) -> ViewportShape {
-    ViewportShape {
-        width: Some(viewport.width.into()),
-        height: Some(viewport.height.into()),
-    }
+    ViewportShape { width: Some(viewport.width.into()), height: Some(viewport.height.into()) }
 }

@@ -33,20 +33,14 @@ impl TransferFunctionDocument {
             (Some(id), None) => Source::Preset(known_preset(id)?),
             (None, Some(points)) => Source::Points(checked_points(points)?),
             (Some(_), Some(_)) => {
-                return Err(SceneError::invalid(
-                    "transfer_function",
-                    "expected either `points` or `preset`, got both",
-                ));
+                return Err(SceneError::invalid("transfer_function", "expected either `points` or `preset`, got both"));
             }
         };
         let opacity_unit_distance = shape.opacity_unit_distance.as_ref();
         let opacity_unit_distance = opacity_unit_distance
             .map(|given| check::number("transfer_function.opacity_unit_distance", given, POSITIVE))
             .transpose()?;
-        Ok(Self {
-            source,
-            opacity_unit_distance,
-        })
+        Ok(Self { source, opacity_unit_distance })
     }
 
     /// Fills in what depends on the volume.
@@ -54,16 +48,10 @@ impl TransferFunctionDocument {
         let completed = match &self.source {
             Source::Automatic => automatic_transfer_function(facts),
             Source::Preset(preset) => preset.transfer_function(facts.value_range),
-            Source::Points(points) => TransferFunction {
-                points: points.clone(),
-                opacity_unit_distance: None,
-            },
+            Source::Points(points) => TransferFunction { points: points.clone(), opacity_unit_distance: None },
         };
         let opacity_unit_distance = self.opacity_unit_distance.or(completed.opacity_unit_distance);
-        TransferFunction {
-            opacity_unit_distance,
-            ..completed
-        }
+        TransferFunction { opacity_unit_distance, ..completed }
     }
 }
 
@@ -100,17 +88,11 @@ fn checked_points(shapes: &[Object<PointShape>]) -> Result<Vec<ControlPoint>, Sc
         let point = checked_point(index, shape)?;
         let value_path = format_args!("transfer_function.points[{index}].value");
         if let Some(last) = points.last().filter(|last| last.value > point.value) {
-            let message = format!(
-                "expected points sorted by value, got {} after {}",
-                point.value, last.value
-            );
+            let message = format!("expected points sorted by value, got {} after {}", point.value, last.value);
             return Err(SceneError::invalid(value_path, message));
         }
         if index >= 2 && points[index - 2].value == point.value {
-            let message = format!(
-                "expected at most two points (a step) at one value, got a third at {}",
-                point.value
-            );
+            let message = format!("expected at most two points (a step) at one value, got a third at {}", point.value);
             return Err(SceneError::invalid(value_path, message));
         }
         points.push(point);

@@ -109,10 +109,7 @@ fn skip_bytes(reader: &mut impl Read, skip: u64) -> Result<(), VolumeError> {
     if skipped == skip {
         Ok(())
     } else {
-        Err(VolumeError::malformed(
-            "byte skip",
-            format!("{skip} bytes, but there are {skipped}"),
-        ))
+        Err(VolumeError::malformed("byte skip", format!("{skip} bytes, but there are {skipped}")))
     }
 }
 
@@ -133,17 +130,11 @@ fn append_ascii<T: Sample>(
             Some(byte) if !separates(byte) => {
                 number.push(char::from(byte));
                 if number.len() > MAX_NUMBER_BYTES {
-                    return Err(VolumeError::malformed(
-                        field,
-                        format!("{} is not a number", excerpt(&number)),
-                    ));
+                    return Err(VolumeError::malformed(field, format!("{} is not a number", excerpt(&number))));
                 }
             }
             None if number.is_empty() => {
-                return Err(VolumeError::malformed(
-                    field,
-                    format!("truncated: expected {count} numbers, got {done}"),
-                ));
+                return Err(VolumeError::malformed(field, format!("truncated: expected {count} numbers, got {done}")));
             }
             _ if number.is_empty() => {}
             _ => {

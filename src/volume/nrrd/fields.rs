@@ -72,19 +72,10 @@ impl Fields {
 
     /// Reads up to and including the empty line that ends a header, or to the end of a detached one.
     pub(super) fn read(reader: &mut impl BufRead) -> Result<Self, VolumeError> {
-        let mut lines = Lines {
-            reader,
-            left: MAX_HEADER_BYTES,
-        };
+        let mut lines = Lines { reader, left: MAX_HEADER_BYTES };
         let magic = lines.next()?.unwrap_or_default();
-        if !matches!(
-            magic.as_str(),
-            "NRRD0001" | "NRRD0002" | "NRRD0003" | "NRRD0004" | "NRRD0005"
-        ) {
-            return Err(VolumeError::malformed(
-                "magic",
-                format!("{} is not NRRD0001 to NRRD0005", excerpt(&magic)),
-            ));
+        if !matches!(magic.as_str(), "NRRD0001" | "NRRD0002" | "NRRD0003" | "NRRD0004" | "NRRD0005") {
+            return Err(VolumeError::malformed("magic", format!("{} is not NRRD0001 to NRRD0005", excerpt(&magic))));
         }
         let mut fields = Self::default();
         let mut in_list = false;
@@ -95,10 +86,7 @@ impl Fields {
             }
             if in_list {
                 if fields.listed_files.len() == MAX_DATA_FILES {
-                    return Err(VolumeError::malformed(
-                        "data file",
-                        format!("more than {MAX_DATA_FILES} files"),
-                    ));
+                    return Err(VolumeError::malformed("data file", format!("more than {MAX_DATA_FILES} files")));
                 }
                 fields.listed_files.push(line);
             } else if !line.starts_with('#') {
@@ -111,10 +99,7 @@ impl Fields {
 
     fn add(&mut self, line: &str) -> Result<(), VolumeError> {
         let Some((name, rest)) = line.split_once(':') else {
-            return Err(VolumeError::malformed(
-                "header",
-                format!("{} is not `field: value`", excerpt(line)),
-            ));
+            return Err(VolumeError::malformed("header", format!("{} is not `field: value`", excerpt(line))));
         };
         if let Some(value) = rest.strip_prefix('=') {
             self.metadata.insert(name.to_owned(), value.to_owned());
@@ -122,10 +107,7 @@ impl Fields {
         }
         let lower = name.trim().to_ascii_lowercase();
         let Some(spellings) = FIELDS.iter().find(|spellings| spellings.contains(&lower.as_str())) else {
-            return Err(VolumeError::malformed(
-                "header",
-                format!("{} is not a field of the format", excerpt(name)),
-            ));
+            return Err(VolumeError::malformed("header", format!("{} is not a field of the format", excerpt(name))));
         };
         if self.values.insert(spellings[0], rest.trim().to_owned()).is_some() {
             return Err(VolumeError::malformed(spellings[0], "given twice"));

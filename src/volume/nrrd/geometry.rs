@@ -40,10 +40,7 @@ pub(super) fn grid(fields: &Fields) -> Result<Grid, VolumeError> {
             grid.direction = grid.direction.map(|d| d * space.lps_from_space);
         }
         _ => {
-            return Err(VolumeError::malformed(
-                "space directions",
-                "`none` for an axis that spans space",
-            ));
+            return Err(VolumeError::malformed("space directions", "`none` for an axis that spans space"));
         }
     }
     if let Some(text) = fields.get("space origin") {
@@ -78,14 +75,9 @@ impl Space {
             _ => [1.0; 3],
         };
         if signs == [0.0; 3] {
-            return Err(VolumeError::unsupported(
-                "space",
-                format!("{} has four axes; expected three", excerpt(&name)),
-            ));
+            return Err(VolumeError::unsupported("space", format!("{} has four axes; expected three", excerpt(&name))));
         }
-        Ok(Self {
-            lps_from_space: DVec3::from_array(signs),
-        })
+        Ok(Self { lps_from_space: DVec3::from_array(signs) })
     }
 }
 
@@ -134,10 +126,7 @@ fn check_kinds(fields: &Fields, dimension: usize, axes: [usize; 3]) -> Result<()
     let kinds = words("kinds", text, dimension)?;
     for kind in axes.map(|a| kinds[a]) {
         if !["domain", "space", "time", "list", "none", "???"].contains(&kind.to_ascii_lowercase().as_str()) {
-            let message = format!(
-                "{} for an axis that spans space; expected domain or space",
-                excerpt(kind)
-            );
+            let message = format!("{} for an axis that spans space; expected domain or space", excerpt(kind));
             return Err(VolumeError::unsupported("kinds", message));
         }
     }
@@ -166,10 +155,7 @@ fn words<'a>(field: &str, text: &'a str, expected: usize) -> Result<Vec<&'a str>
     if words.len() == expected {
         Ok(words)
     } else {
-        Err(VolumeError::malformed(
-            field,
-            format!("{} is not {expected} values, one per axis", excerpt(text)),
-        ))
+        Err(VolumeError::malformed(field, format!("{} is not {expected} values, one per axis", excerpt(text))))
     }
 }
 
@@ -181,11 +167,8 @@ fn vectors(field: &str, text: &str, expected: usize) -> Result<Vec<Option<DVec3>
     while !rest.is_empty() && vectors.len() <= expected {
         if let Some(opened) = rest.strip_prefix('(') {
             let (inside, after) = opened.split_once(')').ok_or_else(wrong)?;
-            let components: Vec<f64> = inside
-                .split(',')
-                .take(4)
-                .map(|n| float(field, n.trim()))
-                .collect::<Result<_, _>>()?;
+            let components: Vec<f64> =
+                inside.split(',').take(4).map(|n| float(field, n.trim())).collect::<Result<_, _>>()?;
             let components: [f64; 3] = components.try_into().map_err(|_| wrong())?;
             vectors.push(Some(DVec3::from_array(components)));
             rest = after.trim_start();
@@ -198,14 +181,9 @@ fn vectors(field: &str, text: &str, expected: usize) -> Result<Vec<Option<DVec3>
             rest = after.trim_start();
         }
     }
-    if vectors.len() == expected {
-        Ok(vectors)
-    } else {
-        Err(wrong())
-    }
+    if vectors.len() == expected { Ok(vectors) } else { Err(wrong()) }
 }
 
 fn float(field: &str, text: &str) -> Result<f64, VolumeError> {
-    text.parse()
-        .map_err(|_| VolumeError::malformed(field, format!("{} is not a number", excerpt(text))))
+    text.parse().map_err(|_| VolumeError::malformed(field, format!("{} is not a number", excerpt(text))))
 }

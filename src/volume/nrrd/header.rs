@@ -67,10 +67,7 @@ pub fn read_header(reader: &mut impl BufRead) -> Result<Header, VolumeError> {
     let grid = geometry::grid(&fields)?;
     let data = data_location(&fields)?;
     if data == DataLocation::Attached && !fields.ended_by_empty_line {
-        return Err(VolumeError::malformed(
-            "header",
-            "no empty line before the data, and no `data file`",
-        ));
+        return Err(VolumeError::malformed("header", "no empty line before the data, and no `data file`"));
     }
     Ok(Header {
         grid,
@@ -78,9 +75,7 @@ pub fn read_header(reader: &mut impl BufRead) -> Result<Header, VolumeError> {
         endian: endian(&fields, voxel_type, encoding)?,
         encoding,
         data,
-        line_skip: fields
-            .get("line skip")
-            .map_or(Ok(0), |text| number("line skip", text))?,
+        line_skip: fields.get("line skip").map_or(Ok(0), |text| number("line skip", text))?,
         byte_skip: byte_skip(fields.get("byte skip").unwrap_or("0"), encoding)?,
         metadata: fields.metadata,
     })
@@ -88,8 +83,7 @@ pub fn read_header(reader: &mut impl BufRead) -> Result<Header, VolumeError> {
 
 /// A whole number that is not negative; an error names `field`.
 pub(super) fn number<T: std::str::FromStr>(field: &str, text: &str) -> Result<T, VolumeError> {
-    text.parse()
-        .map_err(|_| VolumeError::malformed(field, format!("{} is not a whole number >= 0", excerpt(text))))
+    text.parse().map_err(|_| VolumeError::malformed(field, format!("{} is not a whole number >= 0", excerpt(text))))
 }
 
 fn voxel_type(text: &str) -> Result<VoxelType, VolumeError> {
@@ -112,16 +106,10 @@ fn voxel_type(text: &str) -> Result<VoxelType, VolumeError> {
         "float" => VoxelType::F32,
         "double" => VoxelType::F64,
         "block" => {
-            return Err(VolumeError::unsupported(
-                "type",
-                "`block` is not a number; expected a scalar type",
-            ));
+            return Err(VolumeError::unsupported("type", "`block` is not a number; expected a scalar type"));
         }
         _ => {
-            return Err(VolumeError::malformed(
-                "type",
-                format!("{} is not a type of the format", excerpt(text)),
-            ));
+            return Err(VolumeError::malformed("type", format!("{} is not a type of the format", excerpt(text))));
         }
     })
 }
@@ -131,10 +119,9 @@ fn encoding(text: &str) -> Result<Encoding, VolumeError> {
         "raw" => Ok(Encoding::Raw),
         "gz" | "gzip" => Ok(Encoding::Gzip),
         "txt" | "text" | "ascii" => Ok(Encoding::Ascii),
-        name @ ("hex" | "bz2" | "bzip2" | "zrl") => Err(VolumeError::unsupported(
-            "encoding",
-            format!("`{name}` is not read; expected raw, gzip or ascii"),
-        )),
+        name @ ("hex" | "bz2" | "bzip2" | "zrl") => {
+            Err(VolumeError::unsupported("encoding", format!("`{name}` is not read; expected raw, gzip or ascii")))
+        }
         _ => {
             let message = format!("{} is not an encoding; expected raw, gzip or ascii", excerpt(text));
             Err(VolumeError::malformed("encoding", message))
@@ -146,15 +133,9 @@ fn endian(fields: &Fields, voxel_type: VoxelType, encoding: Encoding) -> Result<
     match fields.get("endian").map(str::to_ascii_lowercase).as_deref() {
         Some("little") => Ok(Endian::Little),
         Some("big") => Ok(Endian::Big),
-        Some(text) => Err(VolumeError::malformed(
-            "endian",
-            format!("{} is neither `little` nor `big`", excerpt(text)),
-        )),
+        Some(text) => Err(VolumeError::malformed("endian", format!("{} is neither `little` nor `big`", excerpt(text)))),
         None if voxel_type.bytes() == 1 || encoding == Encoding::Ascii => Ok(Endian::Little),
-        None => Err(VolumeError::malformed(
-            "endian",
-            format!("missing; voxels of type {voxel_type} need it"),
-        )),
+        None => Err(VolumeError::malformed("endian", format!("missing; voxels of type {voxel_type} need it"))),
     }
 }
 
@@ -202,28 +183,15 @@ fn expand_pattern(text: &str) -> Result<Option<Vec<String>>, VolumeError> {
         return Err(VolumeError::malformed("data file", message));
     };
     let zeros = width.starts_with('0');
-    let width = if width.is_empty() {
-        0
-    } else {
-        number::<usize>("data file", width)?
-    };
-    let count = max
-        .checked_sub(*min)
-        .and_then(|span| span.checked_div(*step))
-        .filter(|steps| *steps >= 0);
-    let steps = count
-        .filter(|steps| *steps < MAX_DATA_FILES as i64 && width <= 32)
-        .ok_or_else(|| {
-            let message = format!("{} does not name 1 to {MAX_DATA_FILES} files", excerpt(text));
-            VolumeError::malformed("data file", message)
-        })?;
+    let width = if width.is_empty() { 0 } else { number::<usize>("data file", width)? };
+    let count = max.checked_sub(*min).and_then(|span| span.checked_div(*step)).filter(|steps| *steps >= 0);
+    let steps = count.filter(|steps| *steps < MAX_DATA_FILES as i64 && width <= 32).ok_or_else(|| {
+        let message = format!("{} does not name 1 to {MAX_DATA_FILES} files", excerpt(text));
+        VolumeError::malformed("data file", message)
+    })?;
     let name = |i: i64| {
         let n = min + i * step;
-        if zeros {
-            format!("{before}{n:0width$}{after}")
-        } else {
-            format!("{before}{n:width$}{after}")
-        }
+        if zeros { format!("{before}{n:0width$}{after}") } else { format!("{before}{n:width$}{after}") }
     };
     Ok(Some((0..=steps).map(name).collect()))
 }

@@ -22,9 +22,6 @@ pub(super) fn voxel(dims: [u32; 3]) -> impl Fn([u32; 3]) -> u8 + Sync {
     move |voxel| {
         let p = (voxel_centre(voxel) * scale).to_array();
         let inside = |first: &[f64; 3], last: &[f64; 3]| (0..3).all(|a| (first[a]..last[a]).contains(&p[a]));
-        BOXES
-            .iter()
-            .find(|(first, last, _)| inside(first, last))
-            .map_or(0, |(.., value)| *value)
+        BOXES.iter().find(|(first, last, _)| inside(first, last)).map_or(0, |(.., value)| *value)
     }
 }

@@ -74,10 +74,7 @@ impl ProceduralSpec {
     /// # Errors
     /// Names `dims` if they are 0 or beyond the limits, `spacing` if it is not positive.
     pub fn generate(&self, limits: &Limits) -> Result<Volume, VolumeError> {
-        let limits = Limits {
-            max_axis: limits.max_axis.min(MAX_AXIS),
-            ..*limits
-        };
+        let limits = Limits { max_axis: limits.max_axis.min(MAX_AXIS), ..*limits };
         let count = limits.check("dims", self.dims, self.voxel_type())?;
         let grid = Grid::axis_aligned(self.dims, DVec3::from_array(self.spacing.unwrap_or([1.0; 3])));
         grid.check()?;

@@ -28,10 +28,7 @@ pub(super) fn fill(dims: [u32; 3], out: &mut [u8]) {
     let size = dims_vec(dims);
     let mut spheres = Vec::new();
     // A line of ever smaller touching spheres reaches (1 + 2/3 + 2/9 + ...) = 2 radii from the centre.
-    let first = Sphere {
-        centre: 0.5 * size,
-        radius: 0.25 * size.min_element(),
-    };
+    let first = Sphere { centre: 0.5 * size, radius: 0.25 * size.min_element() };
     add_flake(&mut spheres, first, DVec3::Z, GENERATIONS);
 
     let [nx, ny, _] = dims.map(|n| n as usize);
@@ -57,10 +54,7 @@ fn add_flake(spheres: &mut Vec<Sphere>, sphere: Sphere, up: DVec3, generations: 
     let top = (0..3).map(|i| (TOP_ANGLE, TAU / 12.0 + TAU / 3.0 * f64::from(i)));
     for (polar, azimuth) in equator.chain(top) {
         let direction = turned * DVec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos());
-        let child = Sphere {
-            centre: centre + direction * (radius + child_radius),
-            radius: child_radius,
-        };
+        let child = Sphere { centre: centre + direction * (radius + child_radius), radius: child_radius };
         add_flake(spheres, child, direction.normalize(), generations - 1);
     }
 }

@@ -20,20 +20,12 @@ pub fn geometry(dims: [u32; 3]) -> Geometry {
     let size = dims_vec(dims);
     let plane_z = (0.25 * size.z).floor();
     let radius = 0.25 * size.min_element();
-    Geometry {
-        plane_z,
-        centre: DVec3::new(0.5 * size.x, 0.5 * size.y, plane_z + radius),
-        radius,
-    }
+    Geometry { plane_z, centre: DVec3::new(0.5 * size.x, 0.5 * size.y, plane_z + radius), radius }
 }
 
 /// 255 inside either, antialiased.
 pub(super) fn voxel(dims: [u32; 3]) -> impl Fn([u32; 3]) -> u8 + Sync {
-    let Geometry {
-        plane_z,
-        centre,
-        radius,
-    } = geometry(dims);
+    let Geometry { plane_z, centre, radius } = geometry(dims);
     move |voxel| {
         let p = voxel_centre(voxel);
         coverage((p.distance(centre) - radius).min(p.z - plane_z))

@@ -150,7 +150,9 @@ async fn pages_need_nothing_from_elsewhere() {
 #[tokio::test]
 async fn the_viewers_files_are_served_with_their_types_and_nothing_else_is() {
     let server = Server::new(&[]);
-    for (path, kind) in [("/", "text/html"), ("/viewer/app.js", "text/javascript"), ("/viewer/css/theme.css", "text/css")] {
+    for (path, kind) in
+        [("/", "text/html"), ("/viewer/app.js", "text/javascript"), ("/viewer/css/theme.css", "text/css")]
+    {
         let file = server.get(path).await;
         assert_eq!(file.status, 200, "{path}");
         assert!(file.header("content-type").starts_with(kind), "{path}");

@@ -11,11 +11,7 @@ use super::support::{
 const STRUCTURES: [AoStructure; 3] = [AoStructure::NBuffer, AoStructure::Mipmap, AoStructure::Hybrid];
 
 fn with_structure(structure: AoStructure) -> AmbientOcclusion {
-    AmbientOcclusion {
-        structure,
-        mip_levels: 2,
-        ..ao_settings()
-    }
+    AmbientOcclusion { structure, mip_levels: 2, ..ao_settings() }
 }
 
 fn flat(dims: [u32; 3]) -> ValueField {
@@ -74,27 +70,13 @@ fn the_normal_moves_cubes_out_of_an_opaque_half_space() {
     let at_surface = DVec3::splat(32.0);
     assert!((offset_normal(&values, at_surface) - DVec3::new(0.0, 0.0, 0.4)).length() < 1e-12);
     for factor in [0.0, 0.5, 1.0, 2.0] {
-        let spao = SpaoAo::new(
-            &opacity,
-            &values,
-            &AmbientOcclusion {
-                normal_factor: factor,
-                ..ao_settings()
-            },
-        );
+        let spao = SpaoAo::new(&opacity, &values, &AmbientOcclusion { normal_factor: factor, ..ao_settings() });
         // Each cube holds (1 - 0.4 f) / 2 of opacity: offset by 0.4 f of half its width.
         let expected = (1.0 - (1.0 - 0.4 * factor) / 2.0).powi(4);
         assert_close(spao.accessibility(at_surface), expected, 1e-12);
     }
     let full = ValueField::from_fn(opacity.dims, |[.., k]| if k < 32 { 1.0 } else { 0.0 });
-    let spao = SpaoAo::new(
-        &opacity,
-        &full,
-        &AmbientOcclusion {
-            normal_factor: 2.0,
-            ..ao_settings()
-        },
-    );
+    let spao = SpaoAo::new(&opacity, &full, &AmbientOcclusion { normal_factor: 2.0, ..ao_settings() });
     assert_eq!(spao.accessibility(at_surface), 1.0);
 }
 
@@ -109,10 +91,7 @@ fn the_centre_of_a_closed_opaque_shell_is_not_accessible() {
     };
     let values = flat([16; 3]);
     let centre = DVec3::splat(8.0);
-    assert_eq!(
-        SpaoAo::new(&shell(false), &values, &ao_settings()).accessibility(centre),
-        0.0
-    );
+    assert_eq!(SpaoAo::new(&shell(false), &values, &ao_settings()).accessibility(centre), 0.0);
     assert!(SpaoAo::new(&shell(true), &values, &ao_settings()).accessibility(centre) > 0.01);
 }
 
@@ -124,11 +103,7 @@ fn a_single_opaque_voxel_darkens_one_shell_of_its_neighbour_and_not_itself() {
     let centre = DVec3::splat(20.5);
     assert_close(spao.accessibility(centre), 1.0, 1e-12);
     // Three voxels away it lies between the cubes of half-width 2 and 4: one of 8³ - 4³ = 448 voxels.
-    assert_close(
-        spao.accessibility(centre + DVec3::new(3.0, 0.0, 0.0)),
-        1.0 - 1.0 / 448.0,
-        1e-12,
-    );
+    assert_close(spao.accessibility(centre + DVec3::new(3.0, 0.0, 0.0)), 1.0 - 1.0 / 448.0, 1e-12);
     assert_close(spao.accessibility(centre + DVec3::new(0.0, -10.0, 0.0)), 1.0, 1e-12);
 }
 
@@ -137,11 +112,7 @@ fn accessibility_is_the_formula_of_the_paper_written_out() {
     let opacity = random_opacity([11, 9, 10], 41);
     let values = values_like(&opacity);
     let (levels, factor) = (4, 1.5);
-    let settings = AmbientOcclusion {
-        normal_factor: factor,
-        levels,
-        ..ao_settings()
-    };
+    let settings = AmbientOcclusion { normal_factor: factor, levels, ..ao_settings() };
     let spao = SpaoAo::new(&opacity, &values, &settings);
     let written_out = |x: DVec3, factor: f64| {
         let n = offset_normal(&values, x);
@@ -179,16 +150,10 @@ fn turning_the_volume_turns_its_accessibility() {
     let turned = OpacityField::from_fn([7, 6, 9], |[a, b, c]| opacity.at([b, c, a].map(i64::from)));
     let (values, turned_values) = (values_like(&opacity), values_like(&turned));
     for structure in STRUCTURES {
-        let settings = AmbientOcclusion {
-            normal_factor: 1.0,
-            ..with_structure(structure)
-        };
+        let settings = AmbientOcclusion { normal_factor: 1.0, ..with_structure(structure) };
         let plain = SpaoAo::new(&opacity, &values, &settings).at_voxel_centres();
         let result = SpaoAo::new(&turned, &turned_values, &settings).at_voxel_centres();
-        let field = OpacityField {
-            dims: opacity.dims,
-            alpha: plain,
-        };
+        let field = OpacityField { dims: opacity.dims, alpha: plain };
         let expected = OpacityField::from_fn([7, 6, 9], |[a, b, c]| field.at([b, c, a].map(i64::from)));
         assert!(largest_difference(&result, &expected.alpha) < 1e-12);
         let mirrored = OpacityField::from_fn([7, 6, 9], |[a, b, c]| field.at([5 - b, c, a].map(i64::from)));

@@ -19,10 +19,7 @@ fn box_means_agree_with_brute_force_at_any_place_and_width() {
         let shifted = means.mean(centre + DVec3::new(0.1, 0.0, 0.0), width);
         largest_effect_of_a_shift = largest_effect_of_a_shift.max((shifted - expected).abs());
     }
-    assert!(
-        largest_effect_of_a_shift > 1e-3,
-        "the comparison would not notice a shift"
-    );
+    assert!(largest_effect_of_a_shift > 1e-3, "the comparison would not notice a shift");
 }
 
 #[test]

@@ -10,15 +10,8 @@ use super::support::{Random, assert_close, random_opacity, values_like};
 const WHITE: Rgb = Rgb([1.0; 3]);
 
 fn ramp(opacity_unit_distance: Option<f64>) -> TransferFunction {
-    let point = |value, opacity| ControlPoint {
-        value,
-        color: WHITE,
-        opacity,
-    };
-    TransferFunction {
-        points: vec![point(0.0, 0.0), point(100.0, 1.0)],
-        opacity_unit_distance,
-    }
+    let point = |value, opacity| ControlPoint { value, color: WHITE, opacity };
+    TransferFunction { points: vec![point(0.0, 0.0), point(100.0, 1.0)], opacity_unit_distance }
 }
 
 #[test]
@@ -107,10 +100,7 @@ fn the_offset_normal_is_never_longer_than_one_and_keeps_a_weak_gradient_weak() {
     let strong = offset_normal(&checkerboard, DVec3::splat(1.5));
     assert_close(strong.length(), 1.0, 1e-12);
     let step = ValueField::from_fn([4, 4, 4], |[i, ..]| if i < 2 { 1.0 } else { 0.0 });
-    assert_eq!(
-        offset_normal(&step, DVec3::new(1.5, 2.0, 2.0)),
-        DVec3::new(0.5, 0.0, 0.0)
-    );
+    assert_eq!(offset_normal(&step, DVec3::new(1.5, 2.0, 2.0)), DVec3::new(0.5, 0.0, 0.0));
 }
 
 #[test]

@@ -10,20 +10,13 @@ fn every_mip_cell_is_the_mean_of_the_padded_cells_below_it() {
     let opacity = random_opacity([9, 6, 1], 31);
     let pyramid = MipPyramid::new(&opacity, 5);
     let sizes: Vec<_> = pyramid.levels.iter().map(|level| level.dims).collect();
-    assert_eq!(
-        sizes,
-        [[9, 6, 1], [5, 3, 1], [3, 2, 1], [2, 1, 1], [1, 1, 1], [1, 1, 1]]
-    );
+    assert_eq!(sizes, [[9, 6, 1], [5, 3, 1], [3, 2, 1], [2, 1, 1], [1, 1, 1], [1, 1, 1]]);
     for (l, level) in pyramid.levels.iter().enumerate() {
         let width = f64::from(1 << l);
         for (i, &alpha) in level.alpha.iter().enumerate() {
             let [nx, ny, _] = level.dims.map(|n| n as usize);
             let cell = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / nx / ny) as f64);
-            assert_close(
-                alpha,
-                brute_force_box_mean(&opacity, (cell + 0.5) * width, width),
-                1e-12,
-            );
+            assert_close(alpha, brute_force_box_mean(&opacity, (cell + 0.5) * width, width), 1e-12);
         }
     }
 }
@@ -42,11 +35,7 @@ fn a_mip_look_up_interpolates_between_cell_centres_and_fades_to_zero_outside() {
     for l in 0..=2 {
         let width = f64::from(1 << l);
         let centre = DVec3::new(1.5, 0.5, 1.5) * width;
-        assert_close(
-            pyramid.look_up(centre, l),
-            pyramid.levels[l as usize].at([1, 0, 1]),
-            1e-15,
-        );
+        assert_close(pyramid.look_up(centre, l), pyramid.levels[l as usize].at([1, 0, 1]), 1e-15);
         let between = centre + DVec3::new(0.0, 0.25 * width, 0.0);
         let expected =
             0.75 * pyramid.levels[l as usize].at([1, 0, 1]) + 0.25 * pyramid.levels[l as usize].at([1, 1, 1]);

@@ -51,18 +51,12 @@ pub(super) fn random_opacity(dims: [u32; 3], seed: u64) -> OpacityField {
         if occupied { a } else { 0.0 }
     };
     let count = dims.iter().map(|&n| n as usize).product();
-    OpacityField {
-        dims,
-        alpha: (0..count).map(|_| alpha()).collect(),
-    }
+    OpacityField { dims, alpha: (0..count).map(|_| alpha()).collect() }
 }
 
 /// Values equal to opacities, so that normals point away from what is dense.
 pub(super) fn values_like(opacity: &OpacityField) -> ValueField {
-    ValueField {
-        dims: opacity.dims,
-        normalised: opacity.alpha.clone(),
-    }
+    ValueField { dims: opacity.dims, normalised: opacity.alpha.clone() }
 }
 
 /// Mean of α over a cube, by the overlap of the cube with every cell.
@@ -97,10 +91,7 @@ pub(super) fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
 
 #[track_caller]
 pub(super) fn assert_close(actual: f64, expected: f64, tolerance: f64) {
-    assert!(
-        (actual - expected).abs() <= tolerance,
-        "{actual} is not {expected} within {tolerance}"
-    );
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} within {tolerance}");
 }
 
 #[test]

@@ -10,11 +10,7 @@ use super::{TestVolume, default_scene, scene};
 fn a_document_with_only_a_volume_gets_the_defaults_of_the_contract() {
     let mut complete = default_scene().to_json();
     // These two depend on the volume and are looked at by themselves below.
-    assert!(
-        complete["transfer_function"]["points"]
-            .as_array()
-            .is_some_and(|points| points.len() >= 2)
-    );
+    assert!(complete["transfer_function"]["points"].as_array().is_some_and(|points| points.len() >= 2));
     for field in ["eye", "target", "up"] {
         assert_eq!(complete["camera"][field].as_array().map(Vec::len), Some(3), "{field}");
         complete["camera"][field] = json!(null);
@@ -39,11 +35,7 @@ fn a_document_with_only_a_volume_gets_the_defaults_of_the_contract() {
         "viewport": {"width": 1024, "height": 768}
     });
     assert_eq!(complete, expected);
-    assert_eq!(
-        complete.to_string(),
-        expected.to_string(),
-        "the order of fields is part of the shape"
-    );
+    assert_eq!(complete.to_string(), expected.to_string(), "the order of fields is part of the shape");
 }
 
 #[test]
@@ -56,11 +48,7 @@ fn null_means_the_same_as_missing_everywhere() {
     assert_eq!(scene(&null_sections).as_ref(), Ok(&nothing));
     let mut null_fields = nothing.to_json();
     for section in null_fields.as_object_mut().expect("a scene is an object").values_mut() {
-        for field in section
-            .as_object_mut()
-            .into_iter()
-            .flat_map(serde_json::Map::values_mut)
-        {
+        for field in section.as_object_mut().into_iter().flat_map(serde_json::Map::values_mut) {
             *field = json!(null);
         }
     }
@@ -92,20 +80,14 @@ fn an_orthographic_camera_gets_a_height_and_ignores_the_field_of_view() {
     };
     assert!(height > 60.0 && height < 200.0, "{height}");
     let given = json!({"volume": "v_1", "camera": {"projection": "orthographic", "height": 12.5}});
-    assert_eq!(
-        scene(&given).map(|s| s.camera.projection),
-        Ok(Projection::Orthographic { height: 12.5 })
-    );
+    assert_eq!(scene(&given).map(|s| s.camera.projection), Ok(Projection::Orthographic { height: 12.5 }));
 }
 
 #[test]
 fn a_preset_expands_to_its_points() {
     let document = json!({"volume": "v_1", "transfer_function": {"preset": "ct_bone"}});
     let bone = preset("ct_bone").expect("a preset");
-    assert_eq!(
-        scene(&document).map(|s| s.transfer_function),
-        Ok(bone.transfer_function([0.0, 255.0]))
-    );
+    assert_eq!(scene(&document).map(|s| s.transfer_function), Ok(bone.transfer_function([0.0, 255.0])));
     let denser = json!({"volume": "v_1", "transfer_function": {"preset": "ct_bone", "opacity_unit_distance": 0.5}});
     let denser = scene(&denser).expect("valid").transfer_function;
     assert_eq!(denser.opacity_unit_distance, Some(0.5));
@@ -121,20 +103,14 @@ fn every_form_of_a_value_is_understood() {
         "rendering": {"background": "#00000000", "clip_box": [[0, 0, 0], [1, 2, 3]], "clip_planes": [[0, 0, 2, 6]]}
     });
     let seen = scene(&document).expect("valid");
-    assert_eq!(
-        (seen.ambient_occlusion.levels, seen.ambient_occlusion.radius),
-        (6, Radius::Unlimited)
-    );
+    assert_eq!((seen.ambient_occlusion.levels, seen.ambient_occlusion.radius), (6, Radius::Unlimited));
     assert_eq!(seen.lighting.direction, Some(DVec3::new(0.0, 3.0, 4.0) * (1.0 / 5.0)));
     assert_eq!(seen.lighting.color.to_hex(), "#ffaa00");
     assert_eq!(seen.rendering.background.0, [0.0; 4]);
     let plane = seen.rendering.clip_planes[0];
     assert_eq!((plane.normal, plane.d), (DVec3::Z, 3.0), "d is scaled with the normal");
     let radius = json!({"volume": "v_1", "ambient_occlusion": {"radius": 7.5}});
-    assert_eq!(
-        scene(&radius).map(|s| s.ambient_occlusion.radius),
-        Ok(Radius::Voxels(7.5))
-    );
+    assert_eq!(scene(&radius).map(|s| s.ambient_occlusion.radius), Ok(Radius::Voxels(7.5)));
 }
 
 #[test]

@@ -8,11 +8,7 @@ const ASPECTS: [(u32, u32); 4] = [(1024, 768), (100, 100), (300, 1200), (1920, 4
 
 fn grids() -> Vec<Grid> {
     let oblique = DMat3::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 0.7);
-    let sheared = [
-        DVec3::X,
-        DVec3::new(0.3, 1.0, 0.0).normalize(),
-        DVec3::new(0.0, -0.4, 1.0).normalize(),
-    ];
+    let sheared = [DVec3::X, DVec3::new(0.3, 1.0, 0.0).normalize(), DVec3::new(0.0, -0.4, 1.0).normalize()];
     let turned = |dims| Grid {
         dims,
         spacing: DVec3::new(0.5, 0.75, 2.5),
@@ -23,10 +19,7 @@ fn grids() -> Vec<Grid> {
         Grid::axis_aligned([256, 256, 210], DVec3::ONE),
         Grid::axis_aligned([512, 512, 30], DVec3::new(0.4, 0.4, 5.0)),
         Grid::axis_aligned([1, 1, 1], DVec3::splat(1e-6)),
-        Grid {
-            direction: sheared,
-            ..Grid::axis_aligned([64, 128, 32], DVec3::new(1.0, 2.0, 3.0))
-        },
+        Grid { direction: sheared, ..Grid::axis_aligned([64, 128, 32], DVec3::new(1.0, 2.0, 3.0)) },
         turned([256, 256, 100]),
         turned([300, 1, 100]),
     ];
@@ -54,11 +47,7 @@ fn largest_picture_coordinate(camera: &Camera, grid: &Grid, (width, height): (u3
                 (uvw, uvw.z > 0.0)
             }
         };
-        if in_front {
-            uvw.x.abs().max(uvw.y.abs())
-        } else {
-            f64::INFINITY
-        }
+        if in_front { uvw.x.abs().max(uvw.y.abs()) } else { f64::INFINITY }
     });
     coordinates.into_iter().fold(0.0, f64::max)
 }

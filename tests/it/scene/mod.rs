@@ -28,18 +28,9 @@ impl TestVolume {
     /// Bin i of `counts` is centred on the i-th of as many values spread over `[lowest, highest]`.
     fn new(lowest: f64, highest: f64, counts: Vec<u64>, integer: bool) -> Self {
         let grid = Grid::axis_aligned([40, 30, 20], DVec3::new(1.0, 2.0, 3.0));
-        let code_map = if integer {
-            CodeMap::for_integers(lowest, highest)
-        } else {
-            CodeMap::for_floats(lowest, highest)
-        };
-        Self {
-            id: VolumeId("v_1".into()),
-            grid,
-            code_map,
-            counts,
-            integer,
-        }
+        let code_map =
+            if integer { CodeMap::for_integers(lowest, highest) } else { CodeMap::for_floats(lowest, highest) };
+        Self { id: VolumeId("v_1".into()), grid, code_map, counts, integer }
     }
 
     /// An 8-bit ramp: every value as often as any other.
@@ -54,10 +45,7 @@ impl TestVolume {
             grid: &self.grid,
             value_range: [lowest, highest],
             code_map: &self.code_map,
-            histogram: HistogramView {
-                counts: &self.counts,
-                range: [lowest, highest],
-            },
+            histogram: HistogramView { counts: &self.counts, range: [lowest, highest] },
             integer: self.integer,
         }
     }

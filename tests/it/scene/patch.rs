@@ -32,10 +32,7 @@ fn an_empty_patch_changes_nothing() {
 
 #[test]
 fn a_patch_changes_what_it_names_and_nothing_else() {
-    let after = patched(
-        &edited(),
-        json!({"camera": {"fov_y_deg": 25}, "ambient_occlusion": {"strength": 0.5}}),
-    );
+    let after = patched(&edited(), json!({"camera": {"fov_y_deg": 25}, "ambient_occlusion": {"strength": 0.5}}));
     let mut expected = edited();
     expected.camera.projection = Projection::Perspective { fov_y_deg: 25.0 };
     expected.ambient_occlusion.strength = 0.5;
@@ -78,10 +75,7 @@ fn an_invalid_patch_names_its_path() {
     assert_eq!(path(json!({"camera": {"fov_y_deg": 200}})), "camera.fov_y_deg");
     assert_eq!(path(json!({"camera": {"nose": 1}})), "camera.nose");
     assert_eq!(path(json!({"camera": {"target": [100, -200, 30.5]}})), "camera.target");
-    assert_eq!(
-        path(json!({"ambient_occlusion": {"mip_levels": 5}})),
-        "ambient_occlusion.mip_levels"
-    );
+    assert_eq!(path(json!({"ambient_occlusion": {"mip_levels": 5}})), "ambient_occlusion.mip_levels");
     assert_eq!(path(json!({"volume": null})), "volume");
     assert_eq!(path(json!([])), "$");
     assert_eq!(path(json!(null)), "$");

@@ -22,18 +22,12 @@ fn check(kind: SceneErrorKind, cases: &[(&str, Value, &str)]) {
         let document = with(field, value.clone());
         let error = scene(&document).err().unwrap_or_else(|| panic!("accepted: {document}"));
         assert_eq!((error.kind, error.path.as_str()), (kind, *path), "{document}: {error}");
-        assert!(
-            !error.message.is_empty() && error.message.len() < 500,
-            "{document}: {error}"
-        );
+        assert!(!error.message.is_empty() && error.message.len() < 500, "{document}: {error}");
     }
 }
 
 fn points(points: &[f64]) -> Value {
-    points
-        .iter()
-        .map(|v| json!({"value": v, "color": "#000", "opacity": 0.5}))
-        .collect()
+    points.iter().map(|v| json!({"value": v, "color": "#000", "opacity": 0.5})).collect()
 }
 
 fn with_point(field: &str, value: Value) -> Value {
@@ -56,25 +50,13 @@ fn values_out_of_range_are_refused_at_their_path() {
             ("camera.height", json!(0), "camera.height"),
             ("camera.height", json!(-3), "camera.height"),
             ("ambient_occlusion.method", json!("ssao"), "ambient_occlusion.method"),
-            (
-                "ambient_occlusion.structure",
-                json!("octree"),
-                "ambient_occlusion.structure",
-            ),
+            ("ambient_occlusion.structure", json!("octree"), "ambient_occlusion.structure"),
             ("ambient_occlusion.levels", json!(0), "ambient_occlusion.levels"),
             ("ambient_occlusion.levels", json!(9), "ambient_occlusion.levels"),
             ("ambient_occlusion.levels", json!(2.5), "ambient_occlusion.levels"),
             ("ambient_occlusion.mip_levels", json!(7), "ambient_occlusion.mip_levels"),
-            (
-                "ambient_occlusion.mip_levels",
-                json!(-1),
-                "ambient_occlusion.mip_levels",
-            ),
-            (
-                "ambient_occlusion.normal_factor",
-                json!(2.1),
-                "ambient_occlusion.normal_factor",
-            ),
+            ("ambient_occlusion.mip_levels", json!(-1), "ambient_occlusion.mip_levels"),
+            ("ambient_occlusion.normal_factor", json!(2.1), "ambient_occlusion.normal_factor"),
             ("ambient_occlusion.strength", json!(-0.1), "ambient_occlusion.strength"),
             ("ambient_occlusion.rays", json!(0), "ambient_occlusion.rays"),
             ("ambient_occlusion.rays", json!(4097), "ambient_occlusion.rays"),
@@ -83,11 +65,7 @@ fn values_out_of_range_are_refused_at_their_path() {
             ("ambient_occlusion.radius", json!("far"), "ambient_occlusion.radius"),
             ("ambient_occlusion.radius", json!([1]), "ambient_occlusion.radius"),
             ("ambient_occlusion.falloff", json!(9), "ambient_occlusion.falloff"),
-            (
-                "ambient_occlusion.color_bleeding",
-                json!(-1),
-                "ambient_occlusion.color_bleeding",
-            ),
+            ("ambient_occlusion.color_bleeding", json!(-1), "ambient_occlusion.color_bleeding"),
             ("lighting.ambient", json!(4.5), "lighting.ambient"),
             ("lighting.diffuse", json!(-1), "lighting.diffuse"),
             ("lighting.specular", json!(1e300), "lighting.specular"),
@@ -103,26 +81,10 @@ fn values_out_of_range_are_refused_at_their_path() {
             ("rendering.background", json!("#12345"), "rendering.background"),
             ("rendering.background", json!("#12345g"), "rendering.background"),
             ("rendering.background", json!(""), "rendering.background"),
-            (
-                "rendering.clip_box",
-                json!([[0, 0, 0], [1, 0, 1]]),
-                "rendering.clip_box",
-            ),
-            (
-                "rendering.clip_box",
-                json!([[0, 0, 0], [1, 1, 1e40]]),
-                "rendering.clip_box[1][2]",
-            ),
-            (
-                "rendering.clip_planes",
-                json!([[1, 0, 0, 0], [0, 0, 0, 1]]),
-                "rendering.clip_planes[1]",
-            ),
-            (
-                "rendering.clip_planes",
-                json!(vec![[1, 0, 0, 0]; 9]),
-                "rendering.clip_planes",
-            ),
+            ("rendering.clip_box", json!([[0, 0, 0], [1, 0, 1]]), "rendering.clip_box"),
+            ("rendering.clip_box", json!([[0, 0, 0], [1, 1, 1e40]]), "rendering.clip_box[1][2]"),
+            ("rendering.clip_planes", json!([[1, 0, 0, 0], [0, 0, 0, 1]]), "rendering.clip_planes[1]"),
+            ("rendering.clip_planes", json!(vec![[1, 0, 0, 0]; 9]), "rendering.clip_planes"),
             ("viewport.width", json!(0), "viewport.width"),
             ("viewport.height", json!(16385), "viewport.height"),
             ("viewport.height", json!(1e19), "viewport.height"),
@@ -158,20 +120,12 @@ fn wrong_types_and_unknown_fields_are_refused_at_their_path() {
             ("lighting.shine", json!(null), "lighting.shine"),
             ("rendering.clip_box", json!([[0, 0, 0]]), "rendering.clip_box"),
             ("rendering.clip_planes", json!([[1, 0, 0]]), "rendering.clip_planes[0]"),
-            (
-                "rendering.clip_planes",
-                json!([[1, 0, 0, "d"]]),
-                "rendering.clip_planes[0][3]",
-            ),
+            ("rendering.clip_planes", json!([[1, 0, 0, "d"]]), "rendering.clip_planes[0][3]"),
             ("viewport", json!([640, 480]), "viewport"),
             ("viewport.depth", json!(1), "viewport.depth"),
             ("transfer_function", json!("ct_bone"), "transfer_function"),
             ("transfer_function.points", json!({}), "transfer_function.points"),
-            (
-                "transfer_function.points",
-                json!([[0, "#000", 0]]),
-                "transfer_function.points[0]",
-            ),
+            ("transfer_function.points", json!([[0, "#000", 0]]), "transfer_function.points[0]"),
         ],
     );
     for root in [json!([]), json!(null), json!("v_1"), json!(["v_1"])] {
@@ -191,58 +145,18 @@ fn bad_transfer_functions_are_refused_at_their_path() {
             (at, points(&[0.0, 2.0, 1.0]), "transfer_function.points[2].value"),
             (at, step_of_three, "transfer_function.points[3].value"),
             (at, points(&[1e301]), "transfer_function.points[0].value"),
-            (
-                at,
-                with_point("opacity", json!(1.5)),
-                "transfer_function.points[2].opacity",
-            ),
-            (
-                at,
-                with_point("opacity", json!(-0.5)),
-                "transfer_function.points[2].opacity",
-            ),
-            (
-                at,
-                with_point("opacity", json!("1")),
-                "transfer_function.points[2].opacity",
-            ),
-            (
-                at,
-                with_point("opacity", json!(null)),
-                "transfer_function.points[2].opacity",
-            ),
-            (
-                at,
-                with_point("value", json!(null)),
-                "transfer_function.points[2].value",
-            ),
-            (
-                at,
-                with_point("color", json!(null)),
-                "transfer_function.points[2].color",
-            ),
-            (
-                at,
-                with_point("color", json!("red")),
-                "transfer_function.points[2].color",
-            ),
+            (at, with_point("opacity", json!(1.5)), "transfer_function.points[2].opacity"),
+            (at, with_point("opacity", json!(-0.5)), "transfer_function.points[2].opacity"),
+            (at, with_point("opacity", json!("1")), "transfer_function.points[2].opacity"),
+            (at, with_point("opacity", json!(null)), "transfer_function.points[2].opacity"),
+            (at, with_point("value", json!(null)), "transfer_function.points[2].value"),
+            (at, with_point("color", json!(null)), "transfer_function.points[2].color"),
+            (at, with_point("color", json!("red")), "transfer_function.points[2].color"),
             (at, with_point("alpha", json!(1)), "transfer_function.points[2].alpha"),
             (at, json!([null]), "transfer_function.points[0]"),
-            (
-                "transfer_function.opacity_unit_distance",
-                json!(0),
-                "transfer_function.opacity_unit_distance",
-            ),
-            (
-                "transfer_function.preset",
-                json!("ct_unicorn"),
-                "transfer_function.preset",
-            ),
-            (
-                "transfer_function",
-                json!({"preset": "ct_bone", "points": []}),
-                "transfer_function",
-            ),
+            ("transfer_function.opacity_unit_distance", json!(0), "transfer_function.opacity_unit_distance"),
+            ("transfer_function.preset", json!("ct_unicorn"), "transfer_function.preset"),
+            ("transfer_function", json!({"preset": "ct_bone", "points": []}), "transfer_function"),
         ],
     );
 }
@@ -252,47 +166,20 @@ fn vectors_that_contradict_each_other_are_refused() {
     check(
         Invalid,
         &[
-            (
-                "camera",
-                json!({"eye": [1, 2, 3], "target": [1, 2, 3]}),
-                "camera.target",
-            ),
-            (
-                "camera",
-                json!({"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 0, 1]}),
-                "camera.up",
-            ),
-            (
-                "camera",
-                json!({"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1e-9, -1]}),
-                "camera.up",
-            ),
-            (
-                "ambient_occlusion",
-                json!({"levels": 2, "mip_levels": 3}),
-                "ambient_occlusion.mip_levels",
-            ),
+            ("camera", json!({"eye": [1, 2, 3], "target": [1, 2, 3]}), "camera.target"),
+            ("camera", json!({"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 0, 1]}), "camera.up"),
+            ("camera", json!({"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1e-9, -1]}), "camera.up"),
+            ("ambient_occlusion", json!({"levels": 2, "mip_levels": 3}), "ambient_occlusion.mip_levels"),
         ],
     );
 }
 
 #[test]
 fn what_is_known_but_not_implemented_says_so_by_name() {
-    let methods = [
-        "directional",
-        "vao_cdf",
-        "vao_gaussian",
-        "vao_penner",
-        "vicinity",
-        "obscurances",
-        "local",
-        "histogram",
-    ];
+    let methods =
+        ["directional", "vao_cdf", "vao_gaussian", "vao_penner", "vicinity", "obscurances", "local", "histogram"];
     for method in methods {
-        check(
-            NotImplemented,
-            &[("ambient_occlusion.method", json!(method), "ambient_occlusion.method")],
-        );
+        check(NotImplemented, &[("ambient_occlusion.method", json!(method), "ambient_occlusion.method")]);
     }
     for mode in ["maximum", "minimum", "average", "isosurface"] {
         check(NotImplemented, &[("rendering.mode", json!(mode), "rendering.mode")]);
@@ -301,16 +188,8 @@ fn what_is_known_but_not_implemented_says_so_by_name() {
         NotImplemented,
         &[
             ("rendering.iso_value", json!(300), "rendering.iso_value"),
-            (
-                "rendering.opacity_modulation",
-                json!("variance"),
-                "rendering.opacity_modulation",
-            ),
-            (
-                "ambient_occlusion.color_bleeding",
-                json!(0.5),
-                "ambient_occlusion.color_bleeding",
-            ),
+            ("rendering.opacity_modulation", json!("variance"), "rendering.opacity_modulation"),
+            ("ambient_occlusion.color_bleeding", json!(0.5), "ambient_occlusion.color_bleeding"),
         ],
     );
     let error = scene(&with("ambient_occlusion.method", json!("directional"))).expect_err("not implemented");
@@ -321,28 +200,13 @@ fn what_is_known_but_not_implemented_says_so_by_name() {
 #[test]
 fn messages_name_the_range_and_the_value_and_stay_short() {
     let error = scene(&with("camera.fov_y_deg", json!(200))).expect_err("out of range");
-    assert_eq!(
-        error.to_string(),
-        "camera.fov_y_deg: expected a number in (0, 180), got 200"
-    );
+    assert_eq!(error.to_string(), "camera.fov_y_deg: expected a number in (0, 180), got 200");
     assert_eq!(error.under("scene").path, "scene.camera.fov_y_deg");
-    assert_eq!(
-        scene(&json!(5)).expect_err("not an object").under("scene").path,
-        "scene"
-    );
-    for long in [
-        with("camera.fov_y_deg", json!("é".repeat(9999))),
-        with("lighting.color", json!("é".repeat(9999))),
-    ] {
+    assert_eq!(scene(&json!(5)).expect_err("not an object").under("scene").path, "scene");
+    for long in [with("camera.fov_y_deg", json!("é".repeat(9999))), with("lighting.color", json!("é".repeat(9999)))] {
         assert!(scene(&long).expect_err("neither a number nor a colour").message.len() < 500);
     }
-    assert!(
-        scene(&with(&"é".repeat(9999), json!(1)))
-            .expect_err("an unknown field")
-            .path
-            .len()
-            < 500
-    );
+    assert!(scene(&with(&"é".repeat(9999), json!(1))).expect_err("an unknown field").path.len() < 500);
 }
 
 #[test]

@@ -8,10 +8,7 @@ use super::{default_scene, scene};
 
 fn hex(digits: usize) -> impl Strategy<Value = Value> {
     prop::collection::vec(0u8..16, digits).prop_map(|digits| {
-        let digits: String = digits
-            .iter()
-            .map(|&digit| char::from_digit(digit.into(), 16).unwrap_or('0'))
-            .collect();
+        let digits: String = digits.iter().map(|&digit| char::from_digit(digit.into(), 16).unwrap_or('0')).collect();
         json!(format!("#{digits}"))
     })
 }
@@ -24,9 +21,7 @@ fn transfer_functions() -> impl Strategy<Value = Value> {
     let point = (-1e4..1e4f64, hex(6), 0.0..=1.0f64);
     (prop::collection::vec(point, 1..40), prop::option::of(1e-3..1e3f64)).prop_map(|(mut points, unit)| {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let points = points
-            .iter()
-            .map(|(v, color, a)| json!({"value": v, "color": color, "opacity": a}));
+        let points = points.iter().map(|(v, color, a)| json!({"value": v, "color": color, "opacity": a}));
         json!({"points": points.collect::<Vec<_>>(), "opacity_unit_distance": unit})
     })
 }
@@ -46,11 +41,7 @@ fn ambient_occlusions() -> impl Strategy<Value = Value> {
         prop::sample::select(vec!["off", "spao", "raytraced"]),
         prop::sample::select(vec!["n_buffer", "mipmap", "hybrid"]),
     );
-    let radius = prop_oneof![
-        Just(json!(null)),
-        Just(json!("unlimited")),
-        (1.0..=1024.0f64).prop_map(|r| json!(r))
-    ];
+    let radius = prop_oneof![Just(json!(null)), Just(json!("unlimited")), (1.0..=1024.0f64).prop_map(|r| json!(r))];
     let levels = (1u32..=8).prop_flat_map(|levels| (Just(levels), 0..=levels));
     (names, levels, 0.0..=2.0f64, 0.0..=1.0f64, 1u32..=4096, radius).prop_map(
         |((method, structure), (levels, mip_levels), normal_factor, strength, rays, radius)| {
@@ -71,12 +62,8 @@ fn lightings() -> impl Strategy<Value = Value> {
 }
 
 fn renderings() -> impl Strategy<Value = Value> {
-    let planes = prop::collection::vec((triple(0.01..9.0), -1e3..1e3f64), 0..=8).prop_map(|planes| {
-        planes
-            .into_iter()
-            .map(|(n, d)| json!([n[0], n[1], n[2], d]))
-            .collect::<Value>()
-    });
+    let planes = prop::collection::vec((triple(0.01..9.0), -1e3..1e3f64), 0..=8)
+        .prop_map(|planes| planes.into_iter().map(|(n, d)| json!([n[0], n[1], n[2], d])).collect::<Value>());
     let clip_box = prop::option::of((triple(-9.0..0.0), triple(0.1..9.0)).prop_map(|(min, max)| json!([min, max])));
     (0.1..=8.0f64, prop_oneof![hex(6), hex(8)], clip_box, planes).prop_map(|(rate, background, clip_box, planes)| {
         json!({"sampling_rate": rate, "background": background, "clip_box": clip_box, "clip_planes": planes})
@@ -92,15 +79,13 @@ fn documents() -> impl Strategy<Value = Value> {
         renderings(),
         (1u32..=16384, 1u32..=16384),
     );
-    sections.prop_map(
-        |(transfer_function, camera, ambient_occlusion, lighting, rendering, (width, height))| {
-            json!({
-                "volume": "v_1", "transfer_function": transfer_function, "camera": camera,
-                "ambient_occlusion": ambient_occlusion, "lighting": lighting, "rendering": rendering,
-                "viewport": {"width": width, "height": height}
-            })
-        },
-    )
+    sections.prop_map(|(transfer_function, camera, ambient_occlusion, lighting, rendering, (width, height))| {
+        json!({
+            "volume": "v_1", "transfer_function": transfer_function, "camera": camera,
+            "ambient_occlusion": ambient_occlusion, "lighting": lighting, "rendering": rendering,
+            "viewport": {"width": width, "height": height}
+        })
+    })
 }
 
 /// Any JSON, with numbers, names and nesting that scenes use.
@@ -202,6 +187,5 @@ fn the_round_trip_notices_a_changed_last_digit() {
     let mut before = default_scene();
     before.ambient_occlusion.strength = 0.7;
     assert!(survives(&before, |text| text));
-    assert!(!survives(&before, |text| text
-        .replace("\"strength\":0.7", "\"strength\":0.7000000000000001")));
+    assert!(!survives(&before, |text| text.replace("\"strength\":0.7", "\"strength\":0.7000000000000001")));
 }

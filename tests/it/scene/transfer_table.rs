@@ -23,25 +23,15 @@ fn function(points: &[(f64, &str, f64)], opacity_unit_distance: Option<f64>) -> 
         let color = Rgb::from_hex(color).expect("a colour");
         ControlPoint { value, color, opacity }
     };
-    TransferFunction {
-        points: points.iter().map(point).collect(),
-        opacity_unit_distance,
-    }
+    TransferFunction { points: points.iter().map(point).collect(), opacity_unit_distance }
 }
 
 fn functions(code_map: &CodeMap) -> Vec<TransferFunction> {
     let [lowest, highest] = code_map.value_range();
     let at = |fraction: f64| lowest + (highest - lowest) * fraction;
-    let dense: Vec<_> = (0..1024)
-        .map(|i| (at(f64::from(i) / 1023.0), "#8040c0", f64::from(i % 7) / 6.0))
-        .collect();
+    let dense: Vec<_> = (0..1024).map(|i| (at(f64::from(i) / 1023.0), "#8040c0", f64::from(i % 7) / 6.0)).collect();
     let step = [(at(0.5), "#ff0000", 0.0), (at(0.5), "#00ff00", 1.0)];
-    let box_of_steps = [
-        (at(0.3), "#000", 0.0),
-        (at(0.3), "#fff", 0.4),
-        (at(0.6), "#fff", 0.4),
-        (at(0.6), "#000", 0.0),
-    ];
+    let box_of_steps = [(at(0.3), "#000", 0.0), (at(0.3), "#fff", 0.4), (at(0.6), "#fff", 0.4), (at(0.6), "#000", 0.0)];
     let mut functions = vec![
         function(&[(at(0.4), "#123456", 0.3)], None),
         function(&step, None),
@@ -52,11 +42,7 @@ fn functions(code_map: &CodeMap) -> Vec<TransferFunction> {
     if highest > lowest {
         functions.push(function(&dense, Some(1.3)));
     }
-    functions.extend(
-        presets()
-            .iter()
-            .map(|preset| preset.transfer_function([lowest, highest])),
-    );
+    functions.extend(presets().iter().map(|preset| preset.transfer_function([lowest, highest])));
     functions
 }
 
@@ -75,9 +61,7 @@ fn is_table_of(table: &TransferTable, tf: &TransferFunction, code_map: &CodeMap,
     let ends = [0, count as usize / 3, count as usize];
     lengths == [count as usize; 3]
         && entries
-        && ends
-            .iter()
-            .all(|&entry| table.visible_prefix[entry] as usize == prefix(entry))
+        && ends.iter().all(|&entry| table.visible_prefix[entry] as usize == prefix(entry))
 }
 
 #[test]
@@ -141,10 +125,7 @@ fn any_visible_is_what_looking_at_every_entry_says() {
 #[test]
 fn a_peak_between_two_codes_is_visible_between_them_only() {
     let code_map = CodeMap::for_integers(0.0, 255.0);
-    let tf = function(
-        &[(100.4, "#fff", 0.0), (100.5, "#fff", 1.0), (100.6, "#fff", 0.0)],
-        None,
-    );
+    let tf = function(&[(100.4, "#fff", 0.0), (100.5, "#fff", 1.0), (100.6, "#fff", 0.0)], None);
     let table = TransferTable::new(&tf, &code_map, 1.0, 1.0);
     assert!(table.any_visible(100, 101) && table.any_visible(0, 255) && table.any_visible(0, u16::MAX));
     assert!(!table.any_visible(100, 100) && !table.any_visible(0, 100) && !table.any_visible(101, 255));
@@ -184,9 +165,7 @@ fn the_upper_point_of_a_step_holds_at_the_value_itself() {
 
 #[test]
 fn the_bone_preset_leaves_soft_tissue_transparent() {
-    let tf = preset("ct_bone")
-        .expect("a preset")
-        .transfer_function([-1024.0, 3071.0]);
+    let tf = preset("ct_bone").expect("a preset").transfer_function([-1024.0, 3071.0]);
     let table = opacity_table(&tf, &CodeMap::for_integers(-1024.0, 3071.0), 1.0);
     assert!(table[..1024 + 140].iter().all(|&opacity| opacity == 0));
     assert!(table[1024 + 1000] > 60_000);

@@ -19,7 +19,8 @@ async fn what_one_client_changes_the_others_are_told_and_it_is_not() {
     let server = small();
     let mut one = Client::connect(&server, "default", &hello()).await;
     let mut other = Client::connect(&server, "default", &hello()).await;
-    (one.settle().await, other.settle().await);
+    one.settle().await;
+    other.settle().await;
     one.update(json!({ "scene": { "lighting": { "ambient": 0.25 }, "rendering": { "background": "#123456" } } })).await;
     let told = other.next_text().await;
     let now = server.get_json(SCENE);

@@ -20,10 +20,7 @@ fn naive(volume: &Volume, brick: u32, apron: i64) -> BrickRanges {
                     .filter(|i| inside([i % n[0], i / n[0] % n[1], i / n[0] / n[1]]))
                     .map(|i| volume.code_map.code_from_value(volume.voxels.value(i as usize)));
                 let codes: Vec<u16> = codes.collect();
-                ranges.push([
-                    *codes.iter().min().expect("not empty"),
-                    *codes.iter().max().expect("not empty"),
-                ]);
+                ranges.push([*codes.iter().min().expect("not empty"), *codes.iter().max().expect("not empty")]);
             }
         }
     }
@@ -40,27 +37,13 @@ fn ranges_are_those_of_every_voxel_of_the_brick_and_its_apron() {
     let count = dims.iter().product();
     let bytes = volume(dims, Voxels::U8((0..count).map(|i| noise(i) as u8).collect()));
     let shorts = volume(dims, Voxels::I16((0..count).map(|i| noise(i) as i16).collect()));
-    let floats = (0..count).map(|i| {
-        if i % 11 < 2 || i < 300 {
-            f32::NAN
-        } else {
-            noise(i) as f32
-        }
-    });
+    let floats = (0..count).map(|i| if i % 11 < 2 || i < 300 { f32::NAN } else { noise(i) as f32 });
     let floats = volume(dims, Voxels::F32(floats.collect()));
     for volume in [bytes, shorts, floats] {
         for brick in [1, 4, 8, 64] {
-            assert_eq!(
-                volume.brick_ranges(brick),
-                naive(&volume, brick, 1),
-                "bricks of {brick}"
-            );
+            assert_eq!(volume.brick_ranges(brick), naive(&volume, brick, 1), "bricks of {brick}");
         }
-        assert_ne!(
-            volume.brick_ranges(4),
-            naive(&volume, 4, 0),
-            "the comparison does not see the apron"
-        );
+        assert_ne!(volume.brick_ranges(4), naive(&volume, 4, 0), "the comparison does not see the apron");
     }
 }
 
@@ -79,11 +62,5 @@ fn a_single_bright_voxel_lights_its_brick_and_those_it_touches() {
 #[test]
 fn a_brick_larger_than_any_volume_is_one_brick() {
     let bricks = volume([2, 1, 1], Voxels::U8(vec![10, 12])).brick_ranges(u32::MAX);
-    assert_eq!(
-        bricks,
-        BrickRanges {
-            dims: [1; 3],
-            ranges: vec![[0, 2]]
-        }
-    );
+    assert_eq!(bricks, BrickRanges { dims: [1; 3], ranges: vec![[0, 2]] });
 }

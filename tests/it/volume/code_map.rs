@@ -12,26 +12,17 @@ fn assert_covers(map: &CodeMap, lowest: f64, highest: f64) {
     assert!(map.step > 0.0, "{map:?}");
     assert_eq!(map.code_from_value(lowest), 0, "{map:?}");
     assert_eq!(map.code_from_value(highest), map.max_code, "{map:?}");
-    for code in [0, 1, 2, 127, 255, 256, 32767, 65534, 65535]
-        .into_iter()
-        .filter(|c| *c <= map.max_code)
-    {
+    for code in [0, 1, 2, 127, 255, 256, 32767, 65534, 65535].into_iter().filter(|c| *c <= map.max_code) {
         let value = map.value_from_code(f64::from(code));
         assert!(value.is_finite(), "{map:?} code {code}");
         // Where codes are finer than floats, several stand for one value.
         if map.step > 4.0 * f64::EPSILON * lowest.abs().max(highest.abs()) {
             assert_eq!(map.code_from_value(value), code, "{map:?}");
             let share = f64::from(code) / f64::from(map.max_code.max(1));
-            assert!(
-                (map.normalised(value) - share).abs() <= 1e-4 || map.step < f64::MIN_POSITIVE,
-                "{map:?} {code}"
-            );
+            assert!((map.normalised(value) - share).abs() <= 1e-4 || map.step < f64::MIN_POSITIVE, "{map:?} {code}");
         }
     }
-    assert_eq!(
-        [map.normalised(lowest), map.normalised(highest)],
-        [0.0, if highest > lowest { 1.0 } else { 0.0 }]
-    );
+    assert_eq!([map.normalised(lowest), map.normalised(highest)], [0.0, if highest > lowest { 1.0 } else { 0.0 }]);
 }
 
 #[test]
@@ -58,14 +49,7 @@ fn extreme_ranges_keep_their_ends() {
 #[should_panic(expected = "left: 32768")]
 fn the_coverage_helper_notices_a_wrong_step() {
     let map = CodeMap::for_floats(0.0, 1.0);
-    assert_covers(
-        &CodeMap {
-            step: 2.0 * map.step,
-            ..map
-        },
-        0.0,
-        1.0,
-    );
+    assert_covers(&CodeMap { step: 2.0 * map.step, ..map }, 0.0, 1.0);
 }
 
 #[test]
@@ -105,11 +89,7 @@ fn integers_beyond_the_exact_range_of_f64_are_not_called_lossless() {
     let map = volume([2, 1, 1], Voxels::I64(vec![exact, exact + 100])).code_map;
     assert!(map.lossless);
     assert_eq!(map.max_code, 100);
-    assert_covers(
-        &volume([2, 1, 1], Voxels::I64(vec![i64::MIN, i64::MAX])).code_map,
-        i64::MIN as f64,
-        i64::MAX as f64,
-    );
+    assert_covers(&volume([2, 1, 1], Voxels::I64(vec![i64::MIN, i64::MAX])).code_map, i64::MIN as f64, i64::MAX as f64);
 }
 
 proptest! {

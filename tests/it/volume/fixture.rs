@@ -18,16 +18,11 @@ fn the_ct_head_loads_with_its_geometry_and_range() {
     assert_eq!(volume.grid.origin, DVec3::new(128.5, 128.5, 1524.5));
     assert_eq!(volume.grid.direction, [DVec3::X, DVec3::Y, DVec3::Z]);
     assert_eq!(volume.host_bytes(), 128 * 128 * 105 * 2);
-    let Voxels::I16(values) = &volume.voxels else {
-        panic!("{}", volume.voxels.voxel_type())
-    };
+    let Voxels::I16(values) = &volume.voxels else { panic!("{}", volume.voxels.voxel_type()) };
     let range = [values.iter().min(), values.iter().max()].map(|v| f64::from(*v.expect("not empty")));
     assert_eq!(volume.code_map.value_range(), range);
     assert!(volume.code_map.lossless && volume.code_map.step == 1.0);
-    assert!(
-        range[0] <= -1000.0 && range[1] >= 1000.0,
-        "Hounsfield units of air and bone: {range:?}"
-    );
+    assert!(range[0] <= -1000.0 && range[1] >= 1000.0, "Hounsfield units of air and bone: {range:?}");
 
     let peeked = format::peek_path(name, directory, None).expect("the header is read");
     assert_eq!(peeked, ([128, 128, 105], VoxelType::I16));

@@ -7,12 +7,7 @@ use spao_server::volume::{Endian, Format, Limits, RawSpec, VoxelType, bytes_need
 use super::{assert_names, sample_voxels};
 
 fn spec(voxel_type: VoxelType, endian: Endian) -> RawSpec {
-    RawSpec {
-        dims: [2, 3, 4],
-        voxel_type,
-        endian,
-        spacing: [0.5, 1.0, 2.0],
-    }
+    RawSpec { dims: [2, 3, 4], voxel_type, endian, spacing: [0.5, 1.0, 2.0] }
 }
 
 #[test]
@@ -36,29 +31,11 @@ fn raw_bytes_must_be_exactly_those_of_the_dims() {
         let read = format::read_bytes(&vec![1; length], Format::Raw, Some(&spec), &Limits::default());
         assert_names(read, "dims", &format!("are 48 bytes, but there are {length}"));
     }
-    let huge = RawSpec {
-        dims: [4096, 4096, 4096],
-        ..spec
-    };
-    assert_names(
-        format::read_bytes(&[1], Format::Raw, Some(&huge), &Limits::default()),
-        "dims",
-        "limit",
-    );
-    let flat = RawSpec {
-        spacing: [1.0, 0.0, 1.0],
-        ..spec
-    };
-    assert_names(
-        format::read_bytes(&[1; 48], Format::Raw, Some(&flat), &Limits::default()),
-        "spacing",
-        "0",
-    );
-    assert_names(
-        format::read_bytes(&[1; 48], Format::Raw, None, &Limits::default()),
-        "dims",
-        "missing",
-    );
+    let huge = RawSpec { dims: [4096, 4096, 4096], ..spec };
+    assert_names(format::read_bytes(&[1], Format::Raw, Some(&huge), &Limits::default()), "dims", "limit");
+    let flat = RawSpec { spacing: [1.0, 0.0, 1.0], ..spec };
+    assert_names(format::read_bytes(&[1; 48], Format::Raw, Some(&flat), &Limits::default()), "spacing", "0");
+    assert_names(format::read_bytes(&[1; 48], Format::Raw, None, &Limits::default()), "dims", "missing");
 }
 
 #[test]
@@ -70,42 +47,21 @@ fn raw_parameters_are_parsed_strictly() {
     assert_names(RawSpec::parse("2,3", "u8", None, None), "dims", "three numbers");
     assert_names(RawSpec::parse("2,3,4,5", "u8", None, None), "dims", "three numbers");
     assert_names(RawSpec::parse("2,3,-4", "u8", None, None), "dims", "three numbers");
-    assert_names(
-        RawSpec::parse("2,3,4", "uint8", None, None),
-        "type",
-        "`uint8` is not one of u8",
-    );
+    assert_names(RawSpec::parse("2,3,4", "uint8", None, None), "type", "`uint8` is not one of u8");
     assert_names(RawSpec::parse("2,3,4", "u8", Some("middle"), None), "endian", "middle");
-    assert_names(
-        RawSpec::parse("2,3,4", "u8", None, Some("1,1")),
-        "spacing",
-        "three numbers",
-    );
+    assert_names(RawSpec::parse("2,3,4", "u8", None, Some("1,1")), "spacing", "three numbers");
 }
 
 #[test]
 fn a_format_is_found_by_name_then_content_type_then_magic() {
     let detect = |name, content_type, bytes: &[u8]| Format::detect(name, content_type, bytes);
-    assert_eq!(
-        detect(Some("raw"), Some("application/x-nrrd"), b"NRRD0005").expect("raw"),
-        Format::Raw
-    );
-    assert_eq!(
-        detect(None, Some("application/x-nrrd; v=5"), b"?").expect("nrrd"),
-        Format::Nrrd
-    );
-    assert_eq!(
-        detect(None, Some("application/octet-stream"), b"NRRD0004\n").expect("nrrd"),
-        Format::Nrrd
-    );
+    assert_eq!(detect(Some("raw"), Some("application/x-nrrd"), b"NRRD0005").expect("raw"), Format::Raw);
+    assert_eq!(detect(None, Some("application/x-nrrd; v=5"), b"?").expect("nrrd"), Format::Nrrd);
+    assert_eq!(detect(None, Some("application/octet-stream"), b"NRRD0004\n").expect("nrrd"), Format::Nrrd);
     assert_eq!(detect(None, None, b"NRRD0001\n").expect("nrrd"), Format::Nrrd);
     assert_names(detect(None, None, b"?"), "format", "not recognised");
     assert_names(detect(None, None, b""), "format", "not recognised");
-    assert_names(
-        detect(Some("vtk"), None, b"NRRD0005"),
-        "format",
-        "`vtk` is not a format",
-    );
+    assert_names(detect(Some("vtk"), None, b"NRRD0005"), "format", "`vtk` is not a format");
 }
 
 #[test]
@@ -123,20 +79,12 @@ fn formats_that_are_not_read_are_refused_by_name() {
         ("metaimage", b"ObjectType = Image"),
     ];
     for (name, bytes) in magic {
-        assert_names(
-            Format::detect(None, None, bytes),
-            "format",
-            &format!("`{name}` is not read"),
-        );
+        assert_names(Format::detect(None, None, bytes), "format", &format!("`{name}` is not read"));
     }
     for name in ["nifti", "metaimage", "npy", "tiff", "dicom"] {
         assert_names(Format::from_name(name), "format", &format!("`{name}` is not read"));
     }
-    assert_names(
-        Format::detect(None, Some("image/tiff"), b""),
-        "format",
-        "`tiff` is not read",
-    );
+    assert_names(Format::detect(None, Some("image/tiff"), b""), "format", "`tiff` is not read");
 }
 
 #[test]
@@ -157,12 +105,7 @@ fn files_are_loaded_by_path_inside_the_data_directory_only() {
     let peeked = format::peek_path("ct/a.raw", &root, Some(&spec)).expect("valid");
     assert_eq!(bytes_needed(peeked.0, peeked.1), Some(48));
     let absolute = outside.path().join("secret.raw");
-    for bad in [
-        "../secret.raw",
-        "ct/../../secret.raw",
-        absolute.to_str().expect("text"),
-        "",
-    ] {
+    for bad in ["../secret.raw", "ct/../../secret.raw", absolute.to_str().expect("text"), ""] {
         assert_names(load(bad), "path", "is not a relative path");
     }
     assert_names(load("ct"), "path", "is not a file");

@@ -8,33 +8,20 @@ use super::{assert_names, volume};
 fn naive(volume: &Volume, bins: u32) -> Vec<u64> {
     let [lo, hi] = volume.code_map.value_range();
     let mut counts = vec![0; bins as usize];
-    for value in (0..volume.voxels.len())
-        .map(|i| volume.voxels.value(i))
-        .filter(|v| !v.is_nan())
-    {
-        let bin = if hi > lo {
-            ((value - lo) * f64::from(bins) / (hi - lo)).floor() as usize
-        } else {
-            0
-        };
+    for value in (0..volume.voxels.len()).map(|i| volume.voxels.value(i)).filter(|v| !v.is_nan()) {
+        let bin = if hi > lo { ((value - lo) * f64::from(bins) / (hi - lo)).floor() as usize } else { 0 };
         counts[bin.min(bins as usize - 1)] += 1;
     }
     counts
 }
 
 fn ramp(n: u32) -> Volume {
-    volume(
-        [n, 10, 1],
-        Voxels::I32((0..n as i32 * 10).map(|i| (i * 7919) % 1013 - 300).collect()),
-    )
+    volume([n, 10, 1], Voxels::I32((0..n as i32 * 10).map(|i| (i * 7919) % 1013 - 300).collect()))
 }
 
 #[test]
 fn counts_are_those_of_counting_one_by_one() {
-    let floats = volume(
-        [1000, 1, 1],
-        Voxels::F64((0..1000).map(|i| (f64::from(i) * 0.37).sin() * 1e-3).collect()),
-    );
+    let floats = volume([1000, 1, 1], Voxels::F64((0..1000).map(|i| (f64::from(i) * 0.37).sin() * 1e-3).collect()));
     for volume in [ramp(300), floats] {
         for bins in [1, 2, 255, 256, 1013, MAX_BINS] {
             let histogram = volume.histogram(bins).expect("a valid number of bins");
@@ -49,19 +36,14 @@ fn counts_are_those_of_counting_one_by_one() {
 fn one_changed_voxel_changes_the_counts() {
     let volume = ramp(300);
     let mut changed = volume.clone();
-    let Voxels::I32(values) = &mut changed.voxels else {
-        panic!("not i32")
-    };
+    let Voxels::I32(values) = &mut changed.voxels else { panic!("not i32") };
     values[1234] += if values[1234] < 700 { 5 } else { -5 };
     assert_ne!(volume.histogram(1013).expect("valid").counts, naive(&changed, 1013));
 }
 
 #[test]
 fn more_than_one_task_counts_every_voxel_once() {
-    let volume = volume(
-        [128, 128, 150],
-        Voxels::U8((0..128 * 128 * 150_u32).map(|i| (i % 251) as u8).collect()),
-    );
+    let volume = volume([128, 128, 150], Voxels::U8((0..128 * 128 * 150_u32).map(|i| (i % 251) as u8).collect()));
     assert_eq!(volume.histogram(251).expect("valid").counts, naive(&volume, 251));
 }
 

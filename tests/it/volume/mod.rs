@@ -33,10 +33,7 @@ fn assert_names<T: std::fmt::Debug>(result: Result<T, VolumeError>, field: &str,
     let error = result.expect_err("an error");
     assert_eq!(error.field(), field, "{error}");
     let message = error.to_string();
-    assert!(
-        message.starts_with(field) && message.contains(says),
-        "`{message}` does not say `{says}`"
-    );
+    assert!(message.starts_with(field) && message.contains(says), "`{message}` does not say `{says}`");
 }
 
 /// Twenty-four voxels of any type that use its whole width, with the bytes of a file of them.
@@ -71,25 +68,11 @@ fn sample_voxels(voxel_type: VoxelType, endian: Endian) -> (Voxels, Vec<u8>) {
 #[test]
 #[should_panic(expected = "does not say")]
 fn the_error_helper_notices_another_message() {
-    assert_names::<()>(
-        Err(VolumeError::Malformed {
-            field: "sizes".into(),
-            message: "one".into(),
-        }),
-        "sizes",
-        "two",
-    );
+    assert_names::<()>(Err(VolumeError::Malformed { field: "sizes".into(), message: "one".into() }), "sizes", "two");
 }
 
 #[test]
 #[should_panic(expected = "assertion `left == right` failed")]
 fn the_error_helper_notices_another_field() {
-    assert_names::<()>(
-        Err(VolumeError::Malformed {
-            field: "sizes".into(),
-            message: "one".into(),
-        }),
-        "type",
-        "one",
-    );
+    assert_names::<()>(Err(VolumeError::Malformed { field: "sizes".into(), message: "one".into() }), "type", "one");
 }

@@ -11,10 +11,7 @@ use super::{read_nrrd, sample_voxels};
 
 /// A file of 2 x 3 x 4 `uint8` voxels 0 to 23 with more header lines.
 pub(super) fn bytes_file(lines: &str) -> Vec<u8> {
-    file(
-        &format!("type: uint8\ndimension: 3\nsizes: 2 3 4\nencoding: raw\n{lines}"),
-        &(0..24).collect::<Vec<_>>(),
-    )
+    file(&format!("type: uint8\ndimension: 3\nsizes: 2 3 4\nencoding: raw\n{lines}"), &(0..24).collect::<Vec<_>>())
 }
 
 pub(super) fn file(header: &str, data: &[u8]) -> Vec<u8> {
@@ -37,33 +34,14 @@ fn spellings(voxel_type: VoxelType) -> &'static [&'static str] {
     match voxel_type {
         VoxelType::I8 => &["signed char", "int8", "int8_t"],
         VoxelType::U8 => &["uchar", "unsigned char", "uint8", "uint8_t"],
-        VoxelType::I16 => &[
-            "short",
-            "short int",
-            "signed short",
-            "signed short int",
-            "int16",
-            "int16_t",
-        ],
+        VoxelType::I16 => &["short", "short int", "signed short", "signed short int", "int16", "int16_t"],
         VoxelType::U16 => &["ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"],
         VoxelType::I32 => &["int", "signed int", "int32", "int32_t"],
         VoxelType::U32 => &["uint", "unsigned int", "uint32", "uint32_t"],
-        VoxelType::I64 => &[
-            "longlong",
-            "long long",
-            "long long int",
-            "signed long long",
-            "signed long long int",
-            "int64",
-            "int64_t",
-        ],
-        VoxelType::U64 => &[
-            "ulonglong",
-            "unsigned long long",
-            "unsigned long long int",
-            "uint64",
-            "uint64_t",
-        ],
+        VoxelType::I64 => {
+            &["longlong", "long long", "long long int", "signed long long", "signed long long int", "int64", "int64_t"]
+        }
+        VoxelType::U64 => &["ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"],
         VoxelType::F32 => &["float", "FLOAT"],
         VoxelType::F64 => &["double"],
     }
@@ -150,10 +128,7 @@ fn space_directions_give_spacing_and_direction() {
     assert_eq!(grid.origin, DVec3::new(1.0, -2.0, 3.5));
     // The centre of voxel (1, 2, 3), at index-space (1.5, 2.5, 3.5).
     let world = grid.world_from_index().transform_point3(DVec3::new(1.5, 2.5, 3.5));
-    assert!(
-        world.distance(DVec3::new(1.0 - 6.0, -2.0 + 2.0, 3.5 + 1.5)) < 1e-12,
-        "{world}"
-    );
+    assert!(world.distance(DVec3::new(1.0 - 6.0, -2.0 + 2.0, 3.5 + 1.5)) < 1e-12, "{world}");
 }
 
 #[test]
@@ -176,19 +151,14 @@ fn patient_spaces_become_left_posterior_superior() {
     assert_eq!(las.direction, [DVec3::X, DVec3::NEG_Y, DVec3::Z]);
     assert_ne!(ras, las);
     // Without directions, the axes are still those of the space.
-    assert_eq!(
-        grid_of("space: ras\n").direction,
-        [DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z]
-    );
+    assert_eq!(grid_of("space: ras\n").direction, [DVec3::NEG_X, DVec3::NEG_Y, DVec3::Z]);
 }
 
 #[test]
 fn a_fourth_axis_of_one_sample_may_come_first_or_last() {
     let read = |lines: &str| {
         let header = format!("type: uint8\ndimension: 4\nencoding: raw\n{lines}");
-        read_nrrd(&file(&header, &(0..24).collect::<Vec<_>>()))
-            .expect(lines)
-            .grid
+        read_nrrd(&file(&header, &(0..24).collect::<Vec<_>>())).expect(lines).grid
     };
     let first = read("sizes: 1 2 3 4\nspace: lps\nspace directions: none (1,0,0) (0,2,0) (0,0,3)\n");
     assert_eq!((first.dims, first.spacing), ([2, 3, 4], DVec3::new(1.0, 2.0, 3.0)));
@@ -208,16 +178,10 @@ fn byte_skip_and_line_skip_find_the_data() {
     let cases = [
         ("encoding: raw\nbyte skip: 5\n", with(b"\n\n\n\n\n", b"")),
         ("encoding: raw\nbyte skip: -1\n", with(b"whatever", b"")),
-        (
-            "encoding: raw\nline skip: 2\nbyte skip: 3\n",
-            with(b"one\ntwo\nxyz", b""),
-        ),
+        ("encoding: raw\nline skip: 2\nbyte skip: 3\n", with(b"one\ntwo\nxyz", b"")),
         ("encoding: raw\n", with(b"", b"trailing bytes")),
         ("encoding: gzip\nbyte skip: 3\n", gzip(&with(b"xyz", b"more"))),
-        (
-            "encoding: gzip\nline skip: 1\n",
-            [b"a line\n".to_vec(), gzip(&voxels)].concat(),
-        ),
+        ("encoding: gzip\nline skip: 1\n", [b"a line\n".to_vec(), gzip(&voxels)].concat()),
         // The members of a gzip file follow each other.
         ("encoding: gzip\n", [gzip(&voxels[..9]), gzip(&voxels[9..])].concat()),
     ];

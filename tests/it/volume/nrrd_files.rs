@@ -43,11 +43,8 @@ fn a_detached_big_endian_header_finds_its_data() {
     // A header of its own before the data.
     let root = data_dir("data file: deeper/my tooth.bin\nencoding: raw\nbyte skip: -1\n\n");
     fs::create_dir(root.path().join("sub/deeper")).expect("a directory");
-    fs::write(
-        root.path().join("sub/deeper/my tooth.bin"),
-        [b"header".to_vec(), big_endian()].concat(),
-    )
-    .expect("written");
+    fs::write(root.path().join("sub/deeper/my tooth.bin"), [b"header".to_vec(), big_endian()].concat())
+        .expect("written");
     assert_loads(&root);
 }
 

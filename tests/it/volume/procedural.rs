@@ -18,28 +18,16 @@ const KINDS: [ProceduralKind; 8] = [
 ];
 
 fn spec(kind: ProceduralKind, dims: [u32; 3]) -> ProceduralSpec {
-    ProceduralSpec {
-        kind,
-        dims,
-        seed: 0,
-        spacing: None,
-    }
+    ProceduralSpec { kind, dims, seed: 0, spacing: None }
 }
 
 fn make(kind: ProceduralKind, dims: [u32; 3]) -> Volume {
-    spec(kind, dims)
-        .generate(&Limits::default())
-        .expect("a valid specification")
+    spec(kind, dims).generate(&Limits::default()).expect("a valid specification")
 }
 
 #[test]
 fn every_kind_is_the_same_whatever_the_number_of_threads() {
-    let threads = |n: usize| {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(n)
-            .build()
-            .expect("a thread pool")
-    };
+    let threads = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a thread pool");
     for kind in KINDS {
         let dims = [37, 32, 41];
         let one = threads(1).install(|| make(kind, dims));
@@ -68,10 +56,7 @@ fn every_kind_has_something_to_show_at_any_size() {
 fn the_seed_chooses_the_noise() {
     for kind in [ProceduralKind::Cloud, ProceduralKind::Gyroid] {
         let with = |seed| {
-            let spec = ProceduralSpec {
-                seed,
-                ..spec(kind, [24; 3])
-            };
+            let spec = ProceduralSpec { seed, ..spec(kind, [24; 3]) };
             spec.generate(&Limits::default()).expect("valid").sha256_hex()
         };
         assert_eq!(with(3), with(3));
@@ -96,11 +81,7 @@ fn boxes_are_like_no_mirror_image_of_themselves() {
                 let p = [i % n, i / n % n, i / n / n];
                 value(p) == value(moved(p))
             });
-            assert_eq!(
-                same,
-                permutation == [0, 1, 2] && flips == 0,
-                "{permutation:?} {flips:03b}"
-            );
+            assert_eq!(same, permutation == [0, 1, 2] && flips == 0, "{permutation:?} {flips:03b}");
         }
     }
 }
@@ -133,9 +114,7 @@ fn the_sphere_lies_on_the_plane() {
     assert_eq!([15, 16].map(|k| volume.value_at([0, 0, k])), [255.0, 0.0]);
     assert_eq!([34, 36].map(|k| volume.value_at([20, 24, k])), [255.0, 0.0]);
     // The sum of coverage is the sphere's volume.
-    let Voxels::U8(values) = &volume.voxels else {
-        panic!("not u8")
-    };
+    let Voxels::U8(values) = &volume.voxels else { panic!("not u8") };
     let above: f64 = values[16 * 40 * 48..].iter().map(|&v| f64::from(v) / 255.0).sum();
     let exact = 4.0 / 3.0 * std::f64::consts::PI * 1000.0;
     assert!((above / exact - 1.0).abs() < 0.01, "{above} {exact}");
@@ -144,14 +123,8 @@ fn the_sphere_lies_on_the_plane() {
 #[test]
 fn the_sponge_has_the_holes_of_a_menger_sponge() {
     let volume = make(ProceduralKind::Menger, [27; 3]);
-    let Voxels::U8(values) = &volume.voxels else {
-        panic!("not u8")
-    };
-    assert_eq!(
-        values.iter().filter(|&&v| v == 255).count(),
-        20 * 20 * 20,
-        "20 of 27 cubes on each of 3 levels"
-    );
+    let Voxels::U8(values) = &volume.voxels else { panic!("not u8") };
+    assert_eq!(values.iter().filter(|&&v| v == 255).count(), 20 * 20 * 20, "20 of 27 cubes on each of 3 levels");
     assert!(values.iter().all(|v| [0, 255].contains(v)));
     assert_eq!(volume.value_at([13, 13, 0]), 0.0, "a hole through the middle of a face");
     assert_eq!(volume.value_at([13, 0, 0]), 255.0, "none along the middle of an edge");
@@ -171,25 +144,17 @@ fn the_test_signal_is_the_formula() {
     let ripple = (2.0 * pi * 6.0 * (pi * r / 2.0).cos()).cos();
     let expected = 65535.0 * (1.0 - (pi * z / 2.0).sin() + 0.25 * (1.0 + ripple)) / 2.5;
     assert!((volume.value_at([3, 17, 31]) - expected).abs() <= 0.5);
-    assert!(
-        (volume.value_at([3, 17, 30]) - expected).abs() > 100.0,
-        "the comparison sees nothing"
-    );
+    assert!((volume.value_at([3, 17, 30]) - expected).abs() > 100.0, "the comparison sees nothing");
 }
 
 #[test]
 fn fractals_are_solid_inside_and_empty_outside() {
     let n = 64;
-    for (kind, least, most) in [
-        (ProceduralKind::Mandelbulb, 0.1, 0.4),
-        (ProceduralKind::SphereFlake, 0.05, 0.15),
-    ] {
+    for (kind, least, most) in [(ProceduralKind::Mandelbulb, 0.1, 0.4), (ProceduralKind::SphereFlake, 0.05, 0.15)] {
         let volume = make(kind, [n; 3]);
         assert_eq!(volume.value_at([n / 2; 3]), 255.0, "{kind:?}");
         assert_eq!(volume.value_at([0; 3]), 0.0, "{kind:?}");
-        let Voxels::U8(values) = &volume.voxels else {
-            panic!("not u8")
-        };
+        let Voxels::U8(values) = &volume.voxels else { panic!("not u8") };
         let solid = values.iter().filter(|&&v| v > 127).count() as f64 / values.len() as f64;
         assert!((least..most).contains(&solid), "{kind:?} {solid}");
     }
@@ -199,15 +164,9 @@ fn fractals_are_solid_inside_and_empty_outside() {
 fn a_cloud_is_translucent_and_ends_before_the_border() {
     let n = 48;
     let volume = make(ProceduralKind::Cloud, [n; 3]);
-    let Voxels::U16(values) = &volume.voxels else {
-        panic!("not u16")
-    };
+    let Voxels::U16(values) = &volume.voxels else { panic!("not u16") };
     let share = |of: &dyn Fn(u16) -> bool| values.iter().filter(|&&v| of(v)).count() as f64 / values.len() as f64;
-    assert!(
-        share(&|v| v == 65535) < 0.02,
-        "little is saturated: {}",
-        share(&|v| v == 65535)
-    );
+    assert!(share(&|v| v == 65535) < 0.02, "little is saturated: {}", share(&|v| v == 65535));
     assert!(share(&|v| v > 1000) > 0.05, "{}", share(&|v| v > 1000));
     let side = values.iter().take((n * n) as usize).filter(|&&v| v > 0).count();
     assert_eq!(side, 0);
@@ -217,45 +176,22 @@ fn a_cloud_is_translucent_and_ends_before_the_border() {
 fn dims_are_limited_and_spacing_is_checked() {
     let generate = |spec: ProceduralSpec| spec.generate(&Limits::default());
     assert_names(generate(spec(ProceduralKind::Gyroid, [0, 4, 4])), "dims", "at least 1");
-    assert_names(
-        generate(spec(ProceduralKind::Gyroid, [4097, 1, 1])),
-        "dims",
-        "the limit is 4096",
-    );
+    assert_names(generate(spec(ProceduralKind::Gyroid, [4097, 1, 1])), "dims", "the limit is 4096");
     assert_names(generate(spec(ProceduralKind::Gyroid, [4096; 3])), "dims", "voxels");
-    let limits = Limits {
-        max_bytes: 100,
-        ..Limits::default()
-    };
-    assert_names(
-        spec(ProceduralKind::Cloud, [4, 4, 4]).generate(&limits),
-        "dims",
-        "128 bytes needed",
-    );
+    let limits = Limits { max_bytes: 100, ..Limits::default() };
+    assert_names(spec(ProceduralKind::Cloud, [4, 4, 4]).generate(&limits), "dims", "128 bytes needed");
     assert!(spec(ProceduralKind::Boxes, [4, 4, 4]).generate(&limits).is_ok());
-    let flat = ProceduralSpec {
-        spacing: Some([1.0, 0.0, 1.0]),
-        ..spec(ProceduralKind::Boxes, [4; 3])
-    };
+    let flat = ProceduralSpec { spacing: Some([1.0, 0.0, 1.0]), ..spec(ProceduralKind::Boxes, [4; 3]) };
     assert_names(generate(flat.clone()), "spacing", "0");
-    let stretched = ProceduralSpec {
-        spacing: Some([1.0, 2.0, 0.5]),
-        ..flat
-    };
-    assert_eq!(
-        generate(stretched).expect("valid").grid.spacing,
-        DVec3::new(1.0, 2.0, 0.5)
-    );
+    let stretched = ProceduralSpec { spacing: Some([1.0, 2.0, 0.5]), ..flat };
+    assert_eq!(generate(stretched).expect("valid").grid.spacing, DVec3::new(1.0, 2.0, 0.5));
 }
 
 #[test]
 fn a_specification_is_read_strictly_from_json() {
     let read = serde_json::from_str::<ProceduralSpec>;
     let spec = read(r#"{"kind": "sphere_on_plane", "dims": [256, 256, 128]}"#).expect("valid");
-    assert_eq!(
-        (spec.kind, spec.dims, spec.seed),
-        (ProceduralKind::SphereOnPlane, [256, 256, 128], 0)
-    );
+    assert_eq!((spec.kind, spec.dims, spec.seed), (ProceduralKind::SphereOnPlane, [256, 256, 128], 0));
     assert_eq!(spec.voxel_type(), VoxelType::U8);
     for bad in [
         r#"{"kind": "gyroid"}"#,

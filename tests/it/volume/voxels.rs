@@ -19,19 +19,12 @@ fn every_type_is_read_from_both_byte_orders() {
         }
     }
     let (expected, bytes) = sample_voxels(VoxelType::I16, Endian::Big);
-    assert_ne!(
-        Voxels::from_bytes(VoxelType::I16, Endian::Little, &bytes).expect("whole voxels"),
-        expected
-    );
+    assert_ne!(Voxels::from_bytes(VoxelType::I16, Endian::Little, &bytes).expect("whole voxels"), expected);
 }
 
 #[test]
 fn half_a_voxel_is_an_error() {
-    assert_names(
-        Voxels::from_bytes(VoxelType::F32, Endian::Little, &[0; 7]),
-        "voxels",
-        "7 bytes",
-    );
+    assert_names(Voxels::from_bytes(VoxelType::F32, Endian::Little, &[0; 7]), "voxels", "7 bytes");
 }
 
 #[test]
@@ -53,11 +46,7 @@ fn an_infinite_value_is_an_error_that_says_where_it_is_first() {
     values[190_000] = f64::INFINITY;
     values[123_456] = f64::NEG_INFINITY;
     let grid = Grid::axis_aligned([200, 1000, 1], DVec3::ONE);
-    assert_names(
-        Volume::new(grid, Voxels::F64(values)),
-        "voxels",
-        "infinite value at index 123456",
-    );
+    assert_names(Volume::new(grid, Voxels::F64(values)), "voxels", "infinite value at index 123456");
 }
 
 #[test]
@@ -80,11 +69,7 @@ fn nan_voxels_count_as_the_lowest_value() {
 #[test]
 fn voxels_must_fill_the_dims() {
     let grid = |dims| Grid::axis_aligned(dims, DVec3::ONE);
-    assert_names(
-        Volume::new(grid([2, 2, 2]), Voxels::U8(vec![0; 7])),
-        "voxels",
-        "[2, 2, 2]",
-    );
+    assert_names(Volume::new(grid([2, 2, 2]), Voxels::U8(vec![0; 7])), "voxels", "[2, 2, 2]");
     assert_names(Volume::new(grid([0, 2, 2]), Voxels::U8(vec![])), "dims", "at least 1");
     assert_names(Volume::new(grid([u32::MAX; 3]), Voxels::U8(vec![0])), "voxels", "fill");
 }
@@ -94,42 +79,12 @@ fn a_grid_that_does_not_map_to_the_world_is_an_error() {
     let good = Grid::axis_aligned([1, 1, 1], DVec3::ONE);
     let check = |grid: Grid, field| assert_names(Volume::new(grid, Voxels::U8(vec![0])), field, "");
     for spacing in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e13] {
-        check(
-            Grid {
-                spacing: DVec3::new(1.0, spacing, 1.0),
-                ..good.clone()
-            },
-            "spacing",
-        );
+        check(Grid { spacing: DVec3::new(1.0, spacing, 1.0), ..good.clone() }, "spacing");
     }
-    check(
-        Grid {
-            origin: DVec3::new(0.0, 0.0, f64::NAN),
-            ..good.clone()
-        },
-        "origin",
-    );
-    check(
-        Grid {
-            direction: [DVec3::X, DVec3::X, DVec3::Z],
-            ..good.clone()
-        },
-        "direction",
-    );
-    check(
-        Grid {
-            direction: [DVec3::X * 2.0, DVec3::Y, DVec3::Z],
-            ..good.clone()
-        },
-        "direction",
-    );
-    check(
-        Grid {
-            direction: [DVec3::NAN, DVec3::Y, DVec3::Z],
-            ..good
-        },
-        "direction",
-    );
+    check(Grid { origin: DVec3::new(0.0, 0.0, f64::NAN), ..good.clone() }, "origin");
+    check(Grid { direction: [DVec3::X, DVec3::X, DVec3::Z], ..good.clone() }, "direction");
+    check(Grid { direction: [DVec3::X * 2.0, DVec3::Y, DVec3::Z], ..good.clone() }, "direction");
+    check(Grid { direction: [DVec3::NAN, DVec3::Y, DVec3::Z], ..good }, "direction");
 }
 
 #[test]
@@ -141,10 +96,7 @@ fn codes_written_slab_by_slab_are_those_of_every_voxel() {
         let expected = naive_codes(&volume, &volume.code_map);
         assert_eq!(codes, expected, "{voxel_type}");
         assert_eq!(codes.len() as u64, volume.code_bytes());
-        let shifted = CodeMap {
-            lowest: volume.code_map.lowest - volume.code_map.step,
-            ..volume.code_map
-        };
+        let shifted = CodeMap { lowest: volume.code_map.lowest - volume.code_map.step, ..volume.code_map };
         assert_ne!(codes, naive_codes(&volume, &shifted), "the comparison sees nothing");
     }
 }
@@ -163,12 +115,7 @@ fn slab_codes(volume: &Volume, thickness: u32) -> Vec<u8> {
 fn naive_codes(volume: &Volume, map: &CodeMap) -> Vec<u8> {
     let bytes = map.bytes_per_voxel() as usize;
     (0..volume.voxels.len())
-        .flat_map(|i| {
-            map.code_from_value(volume.voxels.value(i))
-                .to_le_bytes()
-                .into_iter()
-                .take(bytes)
-        })
+        .flat_map(|i| map.code_from_value(volume.voxels.value(i)).to_le_bytes().into_iter().take(bytes))
         .collect()
 }
 
@@ -190,43 +137,16 @@ fn the_checksum_is_of_everything_that_makes_a_volume() {
         sum(&grid, Voxels::U8(vec![1, 2])),
         sum(&grid, Voxels::U8(vec![1, 3])),
         sum(&grid, Voxels::I8(vec![1, 2])),
-        sum(
-            &Grid {
-                dims: [1, 2, 1],
-                ..grid.clone()
-            },
-            Voxels::U8(vec![1, 2]),
-        ),
-        sum(
-            &Grid {
-                spacing: DVec3::splat(2.0),
-                ..grid.clone()
-            },
-            Voxels::U8(vec![1, 2]),
-        ),
-        sum(
-            &Grid {
-                origin: DVec3::X,
-                ..grid.clone()
-            },
-            Voxels::U8(vec![1, 2]),
-        ),
-        sum(
-            &Grid {
-                direction: [DVec3::Y, DVec3::X, DVec3::Z],
-                ..grid.clone()
-            },
-            Voxels::U8(vec![1, 2]),
-        ),
+        sum(&Grid { dims: [1, 2, 1], ..grid.clone() }, Voxels::U8(vec![1, 2])),
+        sum(&Grid { spacing: DVec3::splat(2.0), ..grid.clone() }, Voxels::U8(vec![1, 2])),
+        sum(&Grid { origin: DVec3::X, ..grid.clone() }, Voxels::U8(vec![1, 2])),
+        sum(&Grid { direction: [DVec3::Y, DVec3::X, DVec3::Z], ..grid.clone() }, Voxels::U8(vec![1, 2])),
     ];
     for (i, a) in sums.iter().enumerate() {
         assert!(a.len() == 64 && a.bytes().all(|b| b.is_ascii_hexdigit()), "{a}");
         assert!(sums[..i].iter().all(|b| a != b), "{i}");
     }
-    let negative_zero = Grid {
-        origin: DVec3::splat(-0.0),
-        ..grid
-    };
+    let negative_zero = Grid { origin: DVec3::splat(-0.0), ..grid };
     assert_eq!(sums[0], sum(&negative_zero, Voxels::U8(vec![1, 2])));
 }
 
