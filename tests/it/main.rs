@@ -4,6 +4,7 @@ mod ao;
 mod api;
 mod architecture;
 mod cli;
+mod clients;
 mod container;
 mod gpu;
 mod house;

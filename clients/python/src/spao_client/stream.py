@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,6 +96,7 @@ class Stream:
             "resume": None,
         }
         self._socket: ClientConnection | None = None
+        self._open_socket = ExitStack()
         self._shown: int | None = None
         self._own_view: Document = {}
         self._goodbye: str | None = None
@@ -108,9 +110,8 @@ class Stream:
 
     def close(self) -> None:
         """Ends the connection."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        self._socket = None
+        self._open_socket.close()
 
     def update(self, *, scene: Document | None = None, view: Document | None = None) -> int:
         """Changes the scene for everybody, this connection's view, or both; the update's number.
@@ -123,8 +124,7 @@ class Stream:
             message["scene"] = scene
         if view is not None:
             message["view"] = view
-            # Not merged: a null goes back to the scene's camera and must be said again after a break.
-            self._own_view = {**self._own_view, **view}
+            self._own_view = _said(self._own_view, view)
         self._send(message)
         return self.seq
 
@@ -208,13 +208,19 @@ class Stream:
         key = self._client.api_key
         headers = {"Authorization": f"Bearer {key}"} if key else {}
         try:
-            self._socket = connect(
-                self._url, additional_headers=headers, max_size=None, open_timeout=self._client.timeout
+            connection = connect(
+                self._url,
+                additional_headers=headers,
+                compression=None,
+                max_size=None,
+                open_timeout=self._client.timeout,
             )
+            socket = self._open_socket.enter_context(connection)
         except InvalidStatus as refused:
-            raise _error(refused.response.body or b"", refused.response.status_code) from None
-        self._socket.send(json.dumps(self._hello))
-        welcome = _text(self._socket.recv(self._client.timeout))
+            raise _error(bytes(refused.response.body or b""), refused.response.status_code) from None
+        self._socket = socket
+        socket.send(json.dumps(self._hello))
+        welcome = _text(socket.recv(self._client.timeout))
         if welcome.get("type") != "welcome":
             self.close()
             raise SpaoError(welcome)
@@ -235,6 +241,15 @@ class Stream:
         if self.seq > 0:
             # Updates may have been lost with the line. The view is said again; the scene may be others' by now.
             self._send({"type": "update", "seq": self.seq, "view": self._own_view})
+
+
+def _said(before: Document, view: Document) -> Document:
+    """Two view patches as one. A null is kept: it goes back to the scene's camera."""
+    cameras = [part.get("camera") for part in (before, view)]
+    both = {**before, **view}
+    if isinstance(cameras[0], dict) and isinstance(cameras[1], dict):
+        both["camera"] = {**cameras[0], **cameras[1]}
+    return both
 
 
 def _text(message: str | bytes) -> Document:
