@@ -1,7 +1,7 @@
-//! API keys: `Authorization: Bearer KEY`, compared in constant time.
+//! Who may ask: API keys (`Authorization: Bearer KEY`, compared in constant time) and the origins of pages.
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use sha2::{Digest, Sha256};
@@ -66,4 +66,30 @@ pub(super) fn bearer(headers: &HeaderMap) -> Option<&[u8]> {
     let value = headers.get(header::AUTHORIZATION)?.as_bytes();
     let (scheme, key) = value.split_at_checked(7)?;
     scheme.eq_ignore_ascii_case(b"bearer ").then(|| key.trim_ascii())
+}
+
+/// Refuses what a page of another origin asks for: everything that changes something. A browser lets any page send
+/// simple requests to a server on the same machine, whose only protection may be that nobody else reaches it.
+pub(super) async fn refuse_foreign_pages(
+    State(state): State<AppState>,
+    request: Request,
+    next: Next,
+) -> Result<Response, ApiError> {
+    if !matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS) {
+        check_origin(request.headers(), &state.allow_origins)?;
+    }
+    Ok(next.run(request).await)
+}
+
+/// A page may change things and open streams if it comes from this server or from an allowed origin. Browsers ask
+/// nobody before they open a WebSocket, so the server has to look. Programs send no origin.
+pub(super) fn check_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), ApiError> {
+    let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
+    let origin = origin.to_str().unwrap_or("");
+    let host = headers.get(header::HOST).and_then(|h| h.to_str().ok()).unwrap_or("");
+    let own = ["http://", "https://"].iter().any(|scheme| origin.strip_prefix(scheme) == Some(host));
+    if own || allowed.iter().any(|a| a == "*" || a == origin) {
+        return Ok(());
+    }
+    Err(ApiError::new(ErrorCode::ForbiddenOrigin, "pages of this origin may not do this; see --allow-origin"))
 }

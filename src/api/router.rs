@@ -68,6 +68,7 @@ pub fn with_middleware(routed: Router<AppState>, state: AppState) -> Router {
         .layer(from_fn_with_state(state.clone(), time_limit))
         .layer(from_fn_with_state(state.clone(), gate))
         .layer(from_fn_with_state(state.clone(), auth::require_key))
+        .layer(from_fn_with_state(state.clone(), auth::refuse_foreign_pages))
         .layer(CatchPanicLayer::custom(envelope::from_panic))
         // Outside of the keys: a browser asks whether it may call before it sends one.
         .layer(option_layer(cors(&state.allow_origins)))

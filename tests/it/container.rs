@@ -99,13 +99,20 @@ fn included_but_not_copied(dockerfile: &str, files: &[Source]) -> Vec<String> {
                     _ => parts.push(part),
                 }
             }
-            let included = parts.join("/");
-            if !copied.iter().any(|folder| Path::new(&included).starts_with(folder)) {
-                faults.push(format!("{path} includes {included}, which the image's build does not copy"));
-            }
+            faults.extend(not_copied(&copied, path, &parts.join("/")));
+        }
+        // A folder that is embedded as a whole, named from the root.
+        for rest in text.split("#[folder = \"").skip(1) {
+            let folder = rest.split('"').next().unwrap_or_default();
+            faults.extend(not_copied(&copied, path, folder.trim_end_matches('/')));
         }
     }
     faults
+}
+
+fn not_copied(copied: &[String], path: &str, included: &str) -> Option<String> {
+    let found = copied.iter().any(|folder| Path::new(included).starts_with(folder));
+    (!found).then(|| format!("{path} includes {included}, which the image's build does not copy"))
 }
 
 /// Broken promises of a compose file: keys are demanded, the image does not run open, a GPU file demands a GPU.
@@ -166,6 +173,10 @@ fn the_image_check_finds_every_broken_promise() {
     let files = in_memory(&[("src/a.rs", &include)]);
     assert_none(&included_but_not_copied("COPY shaders b", &files));
     assert_finds(&included_but_not_copied("COPY src src", &files), &["includes shaders,"]);
+
+    let files = in_memory(&[("src/a.rs", "#[folder = \"pages/\"]\nstruct Files;")]);
+    assert_none(&included_but_not_copied("COPY pages pages", &files));
+    assert_finds(&included_but_not_copied("COPY src src", &files), &["includes pages,"]);
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub(in crate::api) async fn open(
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, ApiError> {
-    check_origin(&headers, &state.allow_origins)?;
+    auth::check_origin(&headers, &state.allow_origins)?;
     let entry = state.scenes.get(&id)?;
     let known = match key(&headers) {
         _ if state.keys.is_open() => true,
@@ -89,19 +89,6 @@ async fn refuse(socket: &mut WebSocket, error: &ApiError) {
     let _ = socket.send(Message::Close(None)).await;
     // A socket dropped with something unread is reset, and the error is lost with it.
     let _ = tokio::time::timeout(FAREWELL, async { while let Some(Ok(_)) = socket.recv().await {} }).await;
-}
-
-/// A page may open a stream if it comes from this server or from an allowed origin. Browsers ask nobody before
-/// they open a WebSocket, so the server has to look. Programs send no origin.
-fn check_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), ApiError> {
-    let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
-    let origin = origin.to_str().unwrap_or("");
-    let host = headers.get(header::HOST).and_then(|h| h.to_str().ok()).unwrap_or("");
-    let own = ["http://", "https://"].iter().any(|scheme| origin.strip_prefix(scheme) == Some(host));
-    if own || allowed.iter().any(|a| a == "*" || a == origin) {
-        return Ok(());
-    }
-    Err(ApiError::new(ErrorCode::ForbiddenOrigin, "pages of this origin may not open streams; see --allow-origin"))
 }
 
 /// The key of a request, from its headers or among its subprotocols.

@@ -70,6 +70,23 @@ async fn without_allowed_origins_no_cors_header_is_sent() {
     assert!(answer.headers.keys().all(|name| !name.as_str().starts_with("access-control")), "{:?}", answer.headers);
 }
 
+#[tokio::test]
+async fn pages_of_other_origins_can_change_nothing() {
+    let server = Server::new(&["--allow-origin", "https://viewer.example"]);
+    let scene = server.scene().await;
+    let undo = async |headers: &[(&str, &str)]| {
+        let path = format!("{scene}/undo");
+        server.send(request(Method::POST, &path, headers, Body::empty())).await
+    };
+    let foreign = undo(&[("origin", "https://other.example"), ("host", "localhost:8080")]).await;
+    assert_eq!((foreign.status.as_u16(), foreign.code().as_str()), (403, "forbidden_origin"));
+    // The others get as far as finding out that there is nothing to undo.
+    let own = [("origin", "http://localhost:8080"), ("host", "localhost:8080")];
+    for headers in [&own[..], &[("origin", "https://viewer.example")], &[]] {
+        assert_eq!(undo(headers).await.status, 409, "{headers:?}");
+    }
+}
+
 #[test]
 fn an_address_that_others_can_reach_needs_a_key_or_an_explicit_no() {
     let verdict = |arguments: &[&str]| serve_args(arguments).validate();

@@ -89,7 +89,7 @@ async fn a_hidden_client_gets_no_pictures_until_it_is_seen() {
     }
     server.patch(SCENE, &json!({ "lighting": { "ambient": 0.2 } }));
     let (frames, texts) = client.listen(Duration::from_millis(700)).await;
-    assert_eq!(frames.len(), 0);
+    assert!(frames.is_empty(), "{}", frames[0].header);
     assert_eq!(texts.len(), 1, "changes are told all the same: {texts:?}");
     client.say(&json!({ "type": "visibility", "visible": true })).await;
     let last = client.last_frame().await;
