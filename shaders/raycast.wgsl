@@ -69,7 +69,10 @@ fn visible_interval(origin: vec3<f32>, direction: vec3<f32>, inverse: vec3<f32>)
     let exit = max(low, high);
     var near = max(max(entry.x, entry.y), max(entry.z, 0.0));
     var far = min(exit.x, min(exit.y, exit.z));
-    for (var i = 0u; i < params.clip_plane_count; i++) {
+    // A bound that depends on the ray, too: where a uniform alone bounds a loop, lavapipe compiles the shader anew for
+    // every dispatch and keeps what it needed for that.
+    let count = select(0u, params.clip_plane_count, near < far);
+    for (var i = 0u; i < count; i++) {
         let plane = params.clip_planes[i];
         let start = dot(plane.xyz, origin) + plane.w;
         let slope = dot(plane.xyz, direction);

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, header};
@@ -29,7 +30,7 @@ pub(in crate::api) async fn open(
     State(state): State<AppState>,
     Path(id): Path<String>,
     headers: HeaderMap,
-    upgrade: WebSocketUpgrade,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, ApiError> {
     auth::check_origin(&headers, &state.allow_origins)?;
     let entry = state.scenes.get(&id)?;
@@ -40,6 +41,9 @@ pub(in crate::api) async fn open(
         // It may come with the hello.
         None => false,
     };
+    let upgrade = upgrade.map_err(|error| {
+        ApiError::new(ErrorCode::Malformed, format!("a stream is opened by a WebSocket handshake: {error}"))
+    })?;
     let place = state.stream_place()?;
     let upgrade = upgrade.protocols([SUBPROTOCOL]).max_message_size(MAX_MESSAGE_BYTES);
     Ok(upgrade.on_upgrade(async move |mut socket| {

@@ -132,6 +132,12 @@ impl Client {
         self.say(&message).await;
     }
 
+    /// Waits until the server has heard everything so far: the answer to nonsense comes after all else.
+    pub(crate) async fn heard(&mut self) {
+        self.say_text("nonsense").await;
+        assert_eq!(self.next_text().await["code"], "malformed");
+    }
+
     /// What comes next; pictures are checked and acknowledged.
     pub(crate) async fn next(&mut self) -> Said {
         let said = timeout(PATIENCE, receive(&mut self.socket)).await.expect("the server says something");

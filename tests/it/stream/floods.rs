@@ -66,6 +66,25 @@ async fn clients_that_never_read_or_never_acknowledge_cost_a_bounded_amount_of_m
 }
 
 #[tokio::test]
+async fn pictures_leave_nothing_behind() {
+    let server = small();
+    let mut client = Client::connect(&server, "default", &hello()).await;
+    let camera = client.welcome["view"]["camera"].clone();
+    let mut first = 0;
+    for step in 0..330 {
+        client.update(json!({ "view": turned(&camera, f64::from(step)) })).await;
+        while !matches!(client.next().await, Said::Frame(_)) {}
+        if step == 30 {
+            first = server.resident_bytes();
+        }
+    }
+    // A tenth of a MiB for each picture would be found; it would be gigabytes in an hour.
+    let more = server.resident_bytes().saturating_sub(first);
+    assert!(more < 24 << 20, "{} MiB more after 300 pictures", more >> 20);
+    server.stop_clean();
+}
+
+#[tokio::test]
 async fn clients_that_vanish_during_a_picture_cost_nothing() {
     let server = small();
     let mut large = hello();

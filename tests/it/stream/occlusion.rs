@@ -24,6 +24,7 @@ async fn a_camera_move_or_a_change_of_color_costs_no_ambient_occlusion() {
     let server = Process::start(&["--volume", HEAD]);
     let mut client = Client::connect(&server, "default", &hello()).await;
     let first = client.last_frame().await;
+    client.listen(Duration::from_millis(300)).await;
     let version = first.header["ao"]["version"].clone();
     assert_ne!(version, 0);
     let scene = client.welcome["scene"].clone();
@@ -56,6 +57,8 @@ async fn a_change_of_opacity_is_seen_at_once_and_refined() {
     let server = Process::start(&["--volume", HEAD]);
     let mut client = Client::connect(&server, "default", &hello()).await;
     let version = client.last_frame().await.header["ao"]["version"].as_u64().expect("a number");
+    // The last word on the progress of the first accessibility may come after the picture that shows it.
+    client.listen(Duration::from_millis(300)).await;
     let mut points = client.welcome["scene"]["transfer_function"]["points"].clone();
     for point in points.as_array_mut().expect("points") {
         point["opacity"] = json!(point["opacity"].as_f64().expect("a number") * 0.5);

@@ -87,6 +87,7 @@ async fn a_hidden_client_gets_no_pictures_until_it_is_seen() {
     for step in 1..=5 {
         client.update(json!({ "view": turned(&camera, f64::from(step)) })).await;
     }
+    client.heard().await;
     server.patch(SCENE, &json!({ "lighting": { "ambient": 0.2 } }));
     let (frames, texts) = client.listen(Duration::from_millis(700)).await;
     assert!(frames.is_empty(), "{}", frames[0].header);
