@@ -13,8 +13,8 @@ fail() {
 }
 
 if ! cmp -s "$requirements" "$environment/installed.txt"; then
-    command -v python3 >/dev/null ||
-        fail "the tests of the Python client need python3 (Debian: apt-get install python3 python3-venv)"
+    # Debian's python3 comes without what venv needs.
+    python3 -c 'import ensurepip, venv' 2>/dev/null || scripts/apt-install.sh ensure-python python3 python3-venv
     python3 -c 'import sys; sys.exit(sys.version_info < (3, 10))' || fail "python3 must be 3.10 or later"
     python3 -m venv "$environment" >/dev/null ||
         fail "python3 cannot make a virtual environment (Debian: apt-get install python3-venv)"
