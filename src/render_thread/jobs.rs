@@ -10,7 +10,7 @@ use super::handle::Published;
 use super::turns::Turns;
 use crate::renderer::{
     AccessibilityJob, AccessibilityVolume, AoReport, Frame, FrameJob, FrameRequest, PrepareJob, RenderError, Renderer,
-    Residency, Turn, UploadJob,
+    Residency, StageTimings, Turn, UploadJob,
 };
 use crate::scene::Scene;
 use crate::volume::{Volume, VolumeId};
@@ -42,8 +42,8 @@ pub(super) struct Job {
 /// A job that has had its first turn.
 enum Active {
     Upload(UploadJob, Reply<Residency>),
-    Frame(FrameJob, Reply<Frame>, Duration),
-    Accessibility(AccessibilityJob, Reply<AccessibilityVolume>, Duration),
+    Frame(FrameJob, Reply<Frame>, Instant),
+    Accessibility(AccessibilityJob, Reply<AccessibilityVolume>, Instant),
     Prepare(PrepareJob, watch::Sender<f64>, Reply<AoReport>),
 }
 
@@ -76,7 +76,7 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
 }
 
 fn begin(job: Job, renderer: &mut Renderer, turns: &mut Turns<Active>) {
-    let waited = job.submitted.elapsed();
+    let submitted = job.submitted;
     let active = match job.work {
         Work::AddVolume { id, volume, reply } => Active::Upload(UploadJob::new(id, volume), reply),
         Work::RemoveVolume { id, reply } => {
@@ -84,8 +84,8 @@ fn begin(job: Job, renderer: &mut Renderer, turns: &mut Turns<Active>) {
             let _ = reply.send(Ok(()));
             return;
         }
-        Work::Frame { request, reply } => Active::Frame(FrameJob::new(request), reply, waited),
-        Work::Accessibility { scene, reply } => Active::Accessibility(AccessibilityJob::new(scene), reply, waited),
+        Work::Frame { request, reply } => Active::Frame(FrameJob::new(request), reply, submitted),
+        Work::Accessibility { scene, reply } => Active::Accessibility(AccessibilityJob::new(scene), reply, submitted),
         Work::Prepare { scene, progress, reply } => Active::Prepare(PrepareJob::new(scene), progress, reply),
     };
     turns.push(job.group, active);
@@ -109,18 +109,18 @@ fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
             Ok(Turn::Done(residency)) => answer(reply, Ok(residency)),
             Err(error) => answer(reply, Err(error)),
         },
-        Active::Frame(mut job, reply, waited) if !reply.is_closed() => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Frame(job, reply, waited))),
+        Active::Frame(mut job, reply, submitted) if !reply.is_closed() => match job.advance(renderer) {
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Frame(job, reply, submitted))),
             Ok(Turn::Done(mut frame)) => {
-                frame.timings.queue = waited;
+                frame.timings.queue = waited(submitted, &frame.timings);
                 answer(reply, Ok(frame))
             }
             Err(error) => answer(reply, Err(error)),
         },
-        Active::Accessibility(mut job, reply, waited) if !reply.is_closed() => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Accessibility(job, reply, waited))),
+        Active::Accessibility(mut job, reply, submitted) if !reply.is_closed() => match job.advance(renderer) {
+            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Accessibility(job, reply, submitted))),
             Ok(Turn::Done(mut volume)) => {
-                volume.timings.queue = waited;
+                volume.timings.queue = waited(submitted, &volume.timings);
                 answer(reply, Ok(volume))
             }
             Err(error) => answer(reply, Err(error)),
@@ -140,4 +140,9 @@ fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
 
 fn answer<T: 'static>(reply: Reply<T>, result: Result<T, RenderError>) -> Outcome {
     Outcome::Answered(Box::new(move || drop(reply.send(result))))
+}
+
+/// Time in which others had their turns.
+fn waited(submitted: Instant, timings: &StageTimings) -> Duration {
+    submitted.elapsed().saturating_sub(timings.ao + timings.raycast + timings.readback)
 }

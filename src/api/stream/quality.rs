@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// Time that a moving picture should take from the start of drawing to the end of encoding.
+/// Time that a moving picture should take, from its order to the end of encoding.
 const TARGET: Duration = Duration::from_millis(70);
 
 /// Least size of a moving picture, as a share of each side.

@@ -366,7 +366,8 @@ impl Watcher {
         self.drawing = None;
         let Picture { order, bytes, ao, timings, encode } = picture;
         if order.moving {
-            self.quality.observe(timings.raycast + timings.readback + encode);
+            // With its wait for others: where many share the device, each gets smaller pictures instead of fewer.
+            self.quality.observe(timings.queue + timings.raycast + timings.readback + encode);
         }
         self.refining |= ao.state == AoState::Refining;
         let header = FrameHeader {
