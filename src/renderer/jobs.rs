@@ -261,29 +261,33 @@ impl PrepareJob {
     /// # Errors
     /// Any [`RenderError`] of this job.
     pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<AoReport>, RenderError> {
+        Ok(match self.compute(renderer)? {
+            Turn::Pending(fraction) => Turn::Pending(fraction),
+            Turn::Done((_, (_, report))) => Turn::Done(report),
+        })
+    }
+
+    /// As [`Self::advance`], with the volume and the accessibility itself.
+    fn compute(&mut self, renderer: &mut Renderer) -> Result<Turn<(Rc<ResidentVolume>, Finished)>, RenderError> {
         let resident = match &self.resident {
             Some(resident) => resident.clone(),
             None => self.resident.insert(renderer.resident(&self.scene.volume)?).clone(),
         };
         Ok(match self.ao.advance(renderer, &resident, &self.scene)? {
             Turn::Pending(fraction) => Turn::Pending(fraction),
-            Turn::Done((_, report)) => Turn::Done(report),
+            Turn::Done(finished) => Turn::Done((resident, finished)),
         })
     }
 }
 
 /// A download of accessibility.
 #[derive(Debug)]
-pub struct AccessibilityJob {
-    scene: Arc<Scene>,
-    resident: Option<Rc<ResidentVolume>>,
-    ao: AoProgress,
-}
+pub struct AccessibilityJob(PrepareJob);
 
 impl AccessibilityJob {
     /// Nothing is done yet.
     pub fn new(scene: Arc<Scene>) -> Self {
-        Self { scene, resident: None, ao: AoProgress::new() }
+        Self(PrepareJob::new(scene))
     }
 
     /// Does a slice of the work.
@@ -291,11 +295,7 @@ impl AccessibilityJob {
     /// # Errors
     /// Any [`RenderError`] of this job.
     pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<AccessibilityVolume>, RenderError> {
-        let resident = match &self.resident {
-            Some(resident) => resident.clone(),
-            None => self.resident.insert(renderer.resident(&self.scene.volume)?).clone(),
-        };
-        let (accessibility, ao) = match self.ao.advance(renderer, &resident, &self.scene)? {
+        let (resident, (accessibility, ao)) = match self.0.compute(renderer)? {
             Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
             Turn::Done(done) => done,
         };
