@@ -2,6 +2,7 @@
 //!
 //! Architecture Invariant: nothing here knows the GPU, tokio or HTTP.
 
+mod about;
 mod bricks;
 mod code_map;
 mod codes;
@@ -17,6 +18,7 @@ mod raw;
 mod sample;
 mod voxels;
 
+pub use about::About;
 pub use bricks::BrickRanges;
 pub use code_map::CodeMap;
 pub use error::VolumeError;
@@ -53,6 +55,8 @@ pub struct Volume {
     pub code_map: CodeMap,
     /// Voxels that were NaN; they count as the lowest value.
     pub nan_count: u64,
+    /// What its file says besides, if it came from one.
+    pub about: About,
 }
 
 impl Volume {
@@ -76,7 +80,14 @@ impl Volume {
         } else {
             CodeMap::for_floats(lowest, highest)
         };
-        Ok(Self { grid, voxels, code_map, nan_count })
+        Ok(Self { grid, voxels, code_map, nan_count, about: About::default() })
+    }
+
+    /// The same volume with this said about it.
+    #[must_use]
+    pub fn with_about(mut self, about: About) -> Self {
+        self.about = about;
+        self
     }
 
     /// Bytes of host memory that the voxels fill.
