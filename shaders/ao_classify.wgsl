@@ -1,11 +1,12 @@
-// Level 0: the opacity of every voxel (METHODS 1: per voxel, before interpolation). Twin: reference/field.rs.
+// Level 0: the opacity of voxels (METHODS 1: per voxel, before interpolation), tile by tile. Twin: reference/field.rs.
 #import common/levels
+#import common/tiles
 
 struct ClassifyParams {
     level: LevelInfo,
     dims: vec3<u32>,
-    first_slice: u32,
-    slice_count: u32,
+    origin: u32,         // cell of the first voxel
+    tiles: vec3<u32>,
     code_scale: f32,     // codes per stored value
 }
 
@@ -13,6 +14,8 @@ struct ClassifyParams {
 @group(0) @binding(1) var value_texture: texture_3d<f32>;
 @group(0) @binding(2) var<storage, read> opacity_table: array<u32>;
 @group(0) @binding(3) var<storage, read_write> level: array<u32>;
+@group(0) @binding(4) var<storage, read> list: array<u32>;
+@group(0) @binding(5) var<storage, read_write> changed: array<u32>;
 
 fn opacity(voxel: vec3<i32>) -> u32 {
     if any(voxel < vec3<i32>(0)) || any(vec3<u32>(voxel) >= params.dims) {
@@ -22,14 +25,28 @@ fn opacity(voxel: vec3<i32>) -> u32 {
     return (opacity_table[code >> 1u] >> ((code & 1u) * 16u)) & 0xffffu;
 }
 
-@compute @workgroup_size(8, 8, 1)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= (params.level.extent.x + 1u) / 2u || id.y >= params.level.extent.y || id.z >= params.slice_count {
-        return;
+@compute @workgroup_size(16, 8, 1)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
+    let entry = list[group.x];
+    let tile = entry & INDEX;
+    let first = tile_at(tile, params.tiles) * vec3<u32>(32u, 8u, 8u);
+    let row = first.y + local.y;
+    var differs = false;
+    for (var k = 0u; k < 8u; k++) {
+        let slice = first.z + k;
+        let voxel = vec3<i32>(vec3<u32>(first.x + 2u * local.x, row, slice)) - vec3<i32>(i32(params.origin));
+        var word = opacity(voxel) | (opacity(voxel + vec3<i32>(1, 0, 0)) << 16u);
+        word = select(word, 0u, (entry & CLEAR) != 0u);
+        if row < params.level.extent.y && slice < params.level.extent.z {
+            let at = (slice - params.level.first_slice) * params.level.slice_words + row * params.level.row_words
+                + (first.x >> 1u) + local.x;
+            if level[at] != word {
+                level[at] = word;
+                differs = true;
+            }
+        }
     }
-    let slice = id.z + params.first_slice;
-    // Cell c holds voxel c - 1.
-    let voxel = vec3<i32>(i32(2u * id.x), i32(id.y), i32(slice)) - vec3<i32>(1);
-    let word = opacity(voxel) | (opacity(voxel + vec3<i32>(1, 0, 0)) << 16u);
-    level[(slice - params.level.first_slice) * params.level.slice_words + id.y * params.level.row_words + id.x] = word;
+    if differs {
+        changed[tile] = 1u;
+    }
 }

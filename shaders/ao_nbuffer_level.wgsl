@@ -1,33 +1,52 @@
-// N-buffer level l from level l - 1 (SPAO 1.2.3): each window is the mean of eight windows of half its width.
-// Twin: reference/box_mean.rs.
+// N-buffer level l from level l - 1 (SPAO 1.2.3), tile by tile: each window is the mean of eight windows of half its
+// width. Twin: reference/box_mean.rs.
 //
-// Neighbouring windows share most of what they read. An invocation makes 4 words x 4 rows that lie half a new
-// width apart, so that each word read serves up to four of them: 3 reads per word written instead of 8.
+// Windows that lie half a width apart share what they read. An invocation makes 2 words x 2 rows x 2 slices of such
+// windows, so that each word read serves up to eight of them: 27 reads for 8 words instead of 64.
 #import common/levels
+#import common/tiles
 
 struct NBufferParams {
     source: LevelInfo,
     target_level: LevelInfo,
-    first_slice: u32,
-    slice_count: u32,
-    shift_log2: u32,     // cells between the windows that are averaged: half the new width
+    tiles: vec3<u32>,
+    first_flag: u32,     // of the level's tiles in `changed`
+    rows_log2: u32,      // rows and slices of a tile, which is 32 cells wide
+    shift_log2: u32,     // cells of the target between the windows that are averaged: half its width
+    near: i32,           // where SUBSAMPLED, cell c of the target is at cell 2c + near of the source, else at c
 }
 
 // The first level shifts by one cell, which is half a word.
 override SHIFT_BY_HALF_WORD: bool = false;
+// The target has a window at every second cell of the source.
+override SUBSAMPLED: bool = false;
 
 @group(0) @binding(0) var<uniform> params: NBufferParams;
 @group(0) @binding(1) var<storage, read> source: array<u32>;
 @group(0) @binding(2) var<storage, read_write> target_level: array<u32>;
+@group(0) @binding(3) var<storage, read> list: array<u32>;
+@group(0) @binding(4) var<storage, read_write> changed: array<u32>;
 
-// Both halves of a word, apart, so that sums have room.
+// Both cells of the source that lie where the target's word does, apart, so that sums have room.
 fn source_cells(word: i32, row: i32, slice: i32) -> vec2<u32> {
+    var at = vec3<i32>(word, row, slice);
+    if SUBSAMPLED {
+        // x: the word that holds the first of the two cells; the second is in the same half of the next word.
+        at = vec3<i32>(2 * word + (params.near >> 1u), 2 * row + params.near, 2 * slice + params.near);
+    }
     let extent = params.source.extent;
     let words = (extent.x + 1u) / 2u;
     // Negative indices wrap to large ones.
-    let inside = u32(word) < words && u32(row) < extent.y && u32(slice) < extent.z;
-    let start = (u32(slice) - params.source.first_slice) * params.source.slice_words;
-    let found = select(0u, source[select(0u, start + u32(row) * params.source.row_words + u32(word), inside)], inside);
+    let inside = u32(at.y) < extent.y && u32(at.z) < extent.z;
+    let start = (u32(at.z) - params.source.first_slice) * params.source.slice_words + u32(at.y) * params.source.row_words;
+    let first_inside = inside && u32(at.x) < words;
+    let found = select(0u, source[select(0u, start + u32(at.x), first_inside)], first_inside);
+    if SUBSAMPLED {
+        let second_inside = inside && u32(at.x + 1) < words;
+        let second = select(0u, source[select(0u, start + u32(at.x + 1), second_inside)], second_inside);
+        let half = (u32(params.near) & 1u) * 16u;
+        return vec2<u32>((found >> half) & 0xffffu, (second >> half) & 0xffffu);
+    }
     return vec2<u32>(low_half(found), high_half(found));
 }
 
@@ -39,56 +58,79 @@ fn pair(far: vec2<u32>, near: vec2<u32>) -> vec2<u32> {
     return far + near;
 }
 
-@compute @workgroup_size(8, 8, 1)
-fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let extent = params.target_level.extent;
-    let words = (extent.x + 1u) / 2u;
+// Sums along x for two target words: xy and zw.
+fn row_sums(word: i32, stride: i32, row: i32, slice: i32) -> vec4<u32> {
+    let before = source_cells(word - stride, row, slice);
+    let first = source_cells(word, row, slice);
+    let second = source_cells(word + stride, row, slice);
+    return vec4<u32>(pair(before, first), pair(first, second));
+}
+
+// Sums along x and y for two words of two rows.
+struct Plane {
+    first_row: vec4<u32>,
+    second_row: vec4<u32>,
+}
+
+fn plane(word: i32, stride: i32, row: i32, shift: i32, slice: i32) -> Plane {
+    let before = row_sums(word, stride, row - shift, slice);
+    let first = row_sums(word, stride, row, slice);
+    let second = row_sums(word, stride, row + shift, slice);
+    return Plane(before + first, first + second);
+}
+
+// Stores a word if it is in the level and not there already; true if it was stored.
+fn put(word: u32, row: u32, slice: u32, value: u32) -> bool {
+    let target_level_info = params.target_level;
+    if row >= target_level_info.extent.y || slice >= target_level_info.extent.z || word >= target_level_info.row_words {
+        return false;
+    }
+    let at = (slice - target_level_info.first_slice) * target_level_info.slice_words + row * target_level_info.row_words + word;
+    if target_level[at] == value {
+        return false;
+    }
+    target_level[at] = value;
+    return true;
+}
+
+@compute @workgroup_size(8, 4, 4)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
+    let entry = list[group.x];
+    let tile = entry & INDEX;
+    // A large tile takes several workgroups, one for each 8 x 8 rows and slices.
+    let parts_log2 = params.rows_log2 - 3u;
+    let part = vec3<u32>(0u, group.y & ((1u << parts_log2) - 1u), group.y >> parts_log2);
+    let within = part * 4u + local;
     // Half a new width in words, at least one.
     let stride_log2 = select(params.shift_log2 - 1u, 0u, SHIFT_BY_HALF_WORD);
     let stride = 1u << stride_log2;
     let shift = 1u << params.shift_log2;
-    let first_word = ((id.x >> stride_log2) << (stride_log2 + 2u)) + (id.x & (stride - 1u));
-    let first_row = ((id.y >> params.shift_log2) << (params.shift_log2 + 2u)) + (id.y & (shift - 1u));
-    if first_word >= words || first_row >= extent.y || id.z >= params.slice_count {
-        return;
+    // The first of each pair: pairs interleave in blocks of twice their distance.
+    let logs = vec3<u32>(stride_log2, params.shift_log2, params.shift_log2);
+    let low = within & ((vec3<u32>(1u) << logs) - vec3<u32>(1u));
+    let first = tile_at(tile, params.tiles) << vec3<u32>(5u, params.rows_log2, params.rows_log2);
+    let at = vec3<u32>(first.x >> 1u, first.yz) + ((within >> logs) << (logs + vec3<u32>(1u))) + low;
+    let word = i32(at.x);
+    let row = i32(at.y);
+    let step = i32(shift);
+    let keep = select(0xffffffffu, 0u, (entry & CLEAR) != 0u);
+    var far = plane(word, i32(stride), row, step, i32(at.z) - step);
+    var differs = false;
+#repeat K 0..=1
+    {
+        let slice = at.z + @K@u * shift;
+        let near = plane(word, i32(stride), row, step, i32(slice));
+        let first_row = far.first_row + near.first_row;
+        let second_row = far.second_row + near.second_row;
+        let a = put(at.x, at.y, slice, pack_means(first_row.xy) & keep);
+        let b = put(at.x + stride, at.y, slice, pack_means(first_row.zw) & keep);
+        let c = put(at.x, at.y + shift, slice, pack_means(second_row.xy) & keep);
+        let d = put(at.x + stride, at.y + shift, slice, pack_means(second_row.zw) & keep);
+        differs = differs || a || b || c || d;
+        far = near;
     }
-    let slice = i32(id.z + params.first_slice);
-    let to = (u32(slice) - params.target_level.first_slice) * params.target_level.slice_words;
-    var before_0 = vec2<u32>(0u);
-    var before_1 = vec2<u32>(0u);
-    var before_2 = vec2<u32>(0u);
-    var before_3 = vec2<u32>(0u);
-    for (var j = 0u; j < 5u; j++) {
-        // The row before the first only gives the first its lower half.
-        let row = i32(first_row + j * shift) - i32(shift);
-        let word = i32(first_word);
-        let step = i32(stride);
-        let back = slice - i32(shift);
-        let c0 = source_cells(word - step, row, slice) + source_cells(word - step, row, back);
-        let c1 = source_cells(word, row, slice) + source_cells(word, row, back);
-        let c2 = source_cells(word + step, row, slice) + source_cells(word + step, row, back);
-        let c3 = source_cells(word + 2 * step, row, slice) + source_cells(word + 2 * step, row, back);
-        let c4 = source_cells(word + 3 * step, row, slice) + source_cells(word + 3 * step, row, back);
-        let sum_0 = pair(c0, c1);
-        let sum_1 = pair(c1, c2);
-        let sum_2 = pair(c2, c3);
-        let sum_3 = pair(c3, c4);
-        if j > 0u && u32(row) < extent.y {
-            let at = to + u32(row) * params.target_level.row_words + first_word;
-            target_level[at] = pack_means(sum_0.x + before_0.x, sum_0.y + before_0.y);
-            if first_word + stride < words {
-                target_level[at + stride] = pack_means(sum_1.x + before_1.x, sum_1.y + before_1.y);
-            }
-            if first_word + 2u * stride < words {
-                target_level[at + 2u * stride] = pack_means(sum_2.x + before_2.x, sum_2.y + before_2.y);
-            }
-            if first_word + 3u * stride < words {
-                target_level[at + 3u * stride] = pack_means(sum_3.x + before_3.x, sum_3.y + before_3.y);
-            }
-        }
-        before_0 = sum_0;
-        before_1 = sum_1;
-        before_2 = sum_2;
-        before_3 = sum_3;
+#end
+    if differs {
+        changed[params.first_flag + tile] = 1u;
     }
 }

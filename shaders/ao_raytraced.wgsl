@@ -37,7 +37,7 @@ fn cell(at: vec3<u32>) -> f32 {
 // Opacity between voxel centres; zero half a voxel outside the volume and beyond.
 fn opacity(position: vec3<f32>) -> f32 {
     let last = vec3<f32>(params.level.extent - vec3<u32>(1u));
-    let at = clamp(position + vec3<f32>(0.5), vec3<f32>(0.0), last);
+    let at = clamp(position + vec3<f32>(params.level.lookup_offset), vec3<f32>(0.0), last);
     let c = min(vec3<u32>(at), params.level.extent - vec3<u32>(2u));
     let f = at - vec3<f32>(c);
     let x00 = mix(cell(c), cell(c + vec3<u32>(1u, 0u, 0u)), f.x);

@@ -1,13 +1,12 @@
-// One level of box means, packed 2 x u16 (65535 = 1.0) to a word, x fastest.
-// Cell c of a level stands for the window that begins at cell c - width of its grid; cells 0 and extent - 1
-// are zero on every axis, so that a clamped look-up outside the volume finds 0. Twin: ao/levels.rs.
+// One level of box means, packed 2 x u16 (65535 = 1.0) to a word, x fastest. Cells 0 and extent - 1 are zero on
+// every axis, so that a clamped look-up outside the volume finds 0. Twin: ao/levels.rs.
 struct LevelInfo {
     extent: vec3<u32>,     // cells stored along x, y, z
     row_words: u32,        // words between rows
     slice_words: u32,      // words between slices
     first_slice: u32,      // the slice at the start of the binding
     inverse_scale: f32,    // grid cells per voxel
-    width: f32,            // window width in grid cells
+    lookup_offset: f32,    // cells from a position, in cells, to where its box mean lies
 }
 
 fn low_half(word: u32) -> u32 {
@@ -19,6 +18,7 @@ fn high_half(word: u32) -> u32 {
 }
 
 // Mean of eight, rounded to nearest, for both halves of a word.
-fn pack_means(low_sum: u32, high_sum: u32) -> u32 {
-    return ((low_sum + 4u) >> 3u) | (((high_sum + 4u) >> 3u) << 16u);
+fn pack_means(sums: vec2<u32>) -> u32 {
+    let means = (sums + vec2<u32>(4u)) >> vec2<u32>(3u);
+    return means.x | (means.y << 16u);
 }

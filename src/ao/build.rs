@@ -1,20 +1,27 @@
 //! Computing one accessibility volume, slice of time by slice of time.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::levels::{LevelLayout, level_layouts};
-use super::params::{ClassifyParams, LevelInfo, MAX_LEVELS, MipmapParams, NBufferParams, SpaoParams};
-use super::plan::{Step, combine_window, plan, sample_row_words};
+use super::plan::{Step, SUBMISSION_COST, WorkLists, sample_row_words};
+use super::pyramid::Pyramid;
 use super::raytraced::Tracer;
 use super::stages::{AoStages, sample_format};
 use super::surface::SurfaceHistogram;
-use crate::gpu::{Binding, Category, Gpu, GpuBuffer, GpuError, GpuTexture, Recorder};
+use super::tiles::TileSet;
+use crate::gpu::{Category, Gpu, GpuBuffer, GpuError, GpuTexture, Recorder};
 use crate::scene::{AmbientOcclusion, AoMethod};
+use crate::volume::Bricks;
 
 /// How long the device may be kept before another scene gets its turn.
 const SLICE_TIME: Duration = Duration::from_millis(60);
+
+/// Words of the arguments of a dispatch, one of them unused.
+pub(super) const DISPATCH_WORDS: u32 = 4;
 
 /// What a build reads.
 #[derive(Clone, Debug)]
@@ -27,22 +34,49 @@ pub struct AoSource {
     pub max_code: u16,
     /// Opacity of every code over one smallest spacing, 65535 = 1.
     pub opacity_table: Rc<Vec<u16>>,
-    /// Chebyshev distance in bricks of 8^3 to the next brick that is not empty; x fastest. Only rays need it: may be
+    /// What occurs in the volume's bricks.
+    pub contents: Arc<Bricks>,
+    /// Chebyshev distance in bricks to the next brick that is not empty; x fastest. Only rays need it: may be
     /// empty for other methods.
     pub brick_distance: Rc<Vec<u8>>,
-    /// Bricks along x, y, z.
-    pub bricks: [u32; 3],
+}
+
+impl AoSource {
+    /// Longest component that the gradient of normalised values can have in each brick: half of what values differ by.
+    pub(super) fn steepest(&self) -> Vec<f32> {
+        let scale = 0.5 / f32::from(self.max_code).max(1.0);
+        self.contents.ranges.iter().map(|[low, high]| scale * f32::from(high - low)).collect()
+    }
+
+    /// Normalised value per stored value.
+    pub(super) fn normalise(&self) -> f32 {
+        if self.max_code == 0 { 0.0 } else { self.code_scale / f32::from(self.max_code) }
+    }
 }
 
 /// A finished accessibility volume.
 #[derive(Debug)]
 pub struct Accessibility {
-    /// A at voxel centres: r16unorm, or r16float where that cannot be filtered.
-    pub texture: GpuTexture,
+    /// A at voxel centres of the bricks that were wanted, 0 elsewhere: r16unorm, or r16float where that cannot be
+    /// filtered.
+    pub texture: Rc<GpuTexture>,
     /// Accessibility that four fifths of the surface do not exceed, in (0, 1].
     pub surface_reference: f64,
     /// Its number in the order of completion, from 1.
     pub version: u64,
+}
+
+/// Counted work of a build.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AoWork {
+    /// Bricks whose opacities were looked up.
+    pub classified: u64,
+    /// Tiles of other levels that were computed.
+    pub tiles: u64,
+    /// Bricks whose accessibility was computed.
+    pub recomputed: u64,
+    /// Some bricks were taken from an earlier result.
+    pub incremental: bool,
 }
 
 /// How long one step of a profiled build took.
@@ -54,75 +88,114 @@ pub struct StepTime {
     pub elapsed: Duration,
 }
 
-/// A build under way.
+/// A build, or an update, under way. While it lives nobody else may use its pyramid.
 #[derive(Debug)]
 pub struct AoBuild {
-    source: AoSource,
-    settings: AmbientOcclusion,
-    dims: [u32; 3],
-    layouts: Vec<LevelLayout>,
-    levels: Vec<GpuBuffer>,
-    opacity_table: GpuBuffer,
-    tracer: Option<Tracer>,
-    samples: GpuBuffer,
-    surface: SurfaceHistogram,
-    row_words: u32,
-    target: Option<GpuTexture>,
-    steps: VecDeque<Step>,
-    step_count: usize,
+    pub(super) source: AoSource,
+    pub(super) settings: AmbientOcclusion,
+    pub(super) dims: [u32; 3],
+    pub(super) pyramid: Rc<RefCell<Pyramid>>,
+    pub(super) wanted: TileSet,
+    pub(super) work: WorkLists,
+    pub(super) tracer: Option<Tracer>,
+    /// Samples on their way to the target, where passes cannot write to it.
+    pub(super) samples: Option<GpuBuffer>,
+    pub(super) surface: SurfaceHistogram,
+    pub(super) row_words: u32,
+    pub(super) target: Rc<GpuTexture>,
+    pub(super) base: Option<Rc<Accessibility>>,
+    /// Entries of all work lists, level by level, then bricks, then the wanted ones.
+    pub(super) candidates: GpuBuffer,
+    /// Workgroups of every step, by its number: counted on the GPU.
+    pub(super) dispatches: GpuBuffer,
+    steps: VecDeque<(u32, Step)>,
+    all_steps: Vec<Step>,
+    finished: Option<(Rc<Accessibility>, AoWork)>,
     /// Why a step was not done. Jobs share a build: none of them may go on with a hole in it.
     failure: Option<GpuError>,
 }
 
 impl AoBuild {
-    /// Reserves all memory that the build takes.
+    /// Reserves all memory that the build takes beside its pyramid's. Bricks not in `wanted` get no accessibility.
+    /// `eye`: layers of bricks (z) near this one come first.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], also when a step cannot be made small enough for the adapter's bindings.
-    pub fn new(gpu: &Gpu, source: AoSource, settings: AmbientOcclusion) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        stages: &AoStages,
+        pyramid: Rc<RefCell<Pyramid>>,
+        source: AoSource,
+        settings: AmbientOcclusion,
+        wanted: TileSet,
+        eye: f64,
+    ) -> Result<Self, GpuError> {
         let dims = source.values.dims();
-        let layouts = level_layouts(dims, &settings);
-        let what = "ambient occlusion";
-        let level_bytes: u64 = layouts.iter().map(LevelLayout::bytes).sum();
-        let largest = gpu.limits.max_storage_buffer_binding_size;
-        let steps = plan(dims, &settings, &layouts, largest).ok_or_else(|| {
-            let what = format!("{what}, in bindings of at most {largest} bytes,");
-            gpu.budget.out_of_memory(&what, level_bytes)
-        })?;
+        let sampled = stages.sampled && settings.method == AoMethod::Spao;
         let row_words = sample_row_words(dims);
-        let slices = steps.iter().map(|s| if let Step::Combine(r) = s { r.end - r.start } else { 1 }).max();
-        let sample_bytes = u64::from(row_words) * 4 * u64::from(dims[1]) * u64::from(slices.unwrap_or(1));
-        let voxels: u64 = dims.iter().map(|&n| u64::from(n)).product();
-        gpu.budget.check(what, level_bytes + sample_bytes + 2 * voxels)?;
-        let storage = wgpu::BufferUsages::STORAGE;
-        let levels = (0..)
-            .zip(&layouts)
-            .map(|(l, layout)| gpu.buffer(&format!("ao level {l}"), Category::AoScratch, layout.bytes(), storage))
-            .collect::<Result<Vec<_>, _>>()?;
-        let samples =
-            gpu.buffer("ao samples", Category::AoScratch, sample_bytes, storage | wgpu::BufferUsages::COPY_SRC)?;
-        let usage =
+        let slices = {
+            let pyramid = pyramid.borrow();
+            let cuts = pyramid.cuts(gpu, sampled, &settings);
+            if settings.method == AoMethod::Raytraced { Some(1) } else { cuts.combined_layers().map(|l| 8 * l) }
+        };
+        let sample_bytes = u64::from(row_words) * 4 * u64::from(dims[1]) * u64::from(slices.unwrap_or(1).min(dims[2]));
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let samples = if sampled { None } else { Some(gpu.buffer("ao samples", Category::AoScratch, sample_bytes, storage)?) };
+        let mut usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::COPY_SRC;
+        if sampled {
+            usage |= wgpu::TextureUsages::STORAGE_BINDING;
+        }
         let target = gpu.texture_3d("accessibility", Category::AoCache, dims, sample_format(gpu), usage)?;
-        let table = bytemuck::cast_slice(&source.opacity_table);
-        let opacity_table = gpu.storage_with("ao opacity table", Category::AoScratch, table)?;
         let tracer =
             (settings.method == AoMethod::Raytraced).then(|| Tracer::new(gpu, &source, &settings)).transpose()?;
-        let step_count = steps.len();
+        let surface = SurfaceHistogram::new(gpu)?;
+        if sampled {
+            pyramid.borrow_mut().make_windows(gpu, &settings)?;
+        }
+
+        // From here on the pyramid is on its way: nothing may fail that could have failed before.
+        let update = pyramid.borrow_mut().begin(gpu, &source, &settings, &wanted);
+        let (work, base) = (update.work, update.base);
+        let mut steps = {
+            let pyramid = pyramid.borrow();
+            let cuts = pyramid.cuts(gpu, sampled, &settings);
+            let refused = || {
+                let largest = cuts.largest_binding;
+                let bytes = pyramid.level_bytes().iter().sum();
+                gpu.budget.out_of_memory(&format!("ambient occlusion, in bindings of at most {largest} bytes,"), bytes)
+            };
+            cuts.plan(&settings, &work).ok_or_else(refused)?
+        };
+        // A stable order: steps of levels are not touched.
+        steps.sort_by_key(|step| match step {
+            Step::Level { .. } => (0, 0),
+            Step::Combine { layers, .. } => (1, (f64::from(layers.start + layers.end) * 0.5 - eye).abs() as u32),
+            Step::Surface { .. } | Step::Trace(_) => (2, 0),
+        });
+        let lists = work.levels.iter().chain([&work.bricks, &work.wanted]);
+        let candidates: Vec<u32> = lists.flatten().copied().collect();
+        let candidates =
+            gpu.storage_with("ao candidates", Category::AoScratch, bytemuck::cast_slice(&candidates))?;
+        let dispatches = dispatches(gpu, &steps, &pyramid.borrow())?;
         Ok(Self {
             source,
             settings,
             dims,
-            layouts,
-            levels,
-            opacity_table,
+            pyramid,
+            wanted,
+            work,
             tracer,
             samples,
-            surface: SurfaceHistogram::new(gpu)?,
+            surface,
             row_words,
-            target: Some(target),
-            steps: steps.into(),
-            step_count,
+            target: Rc::new(target),
+            base,
+            candidates,
+            dispatches,
+            steps: (0..).zip(steps.clone()).collect(),
+            all_steps: steps,
+            finished: None,
             failure: None,
         })
     }
@@ -133,9 +206,9 @@ impl AoBuild {
     /// [`GpuError::Device`] or [`GpuError::Lost`]; the build is then useless and answers the same from then on.
     pub fn advance(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<bool, GpuError> {
         let begin = Instant::now();
-        // Submitted one by one, because the cost of a step is not known before: looking at the clock in between
+        // Submitted piece by piece, because the cost of a step is not known before: looking at the clock in between
         // keeps a turn short, and waiting for each costs nothing beside what it computes.
-        while begin.elapsed() < SLICE_TIME / 2 && self.run_step(gpu, stages)?.is_some() {}
+        while begin.elapsed() < SLICE_TIME / 2 && !self.run(gpu, stages, SUBMISSION_COST)?.is_empty() {}
         Ok(self.steps.is_empty())
     }
 
@@ -145,10 +218,11 @@ impl AoBuild {
     /// As [`Self::advance`].
     pub fn run_profiled(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<Vec<StepTime>, GpuError> {
         let mut times = Vec::new();
-        while let Some(time) = self.run_step(gpu, stages)? {
-            times.push(time);
+        loop {
+            let begin = Instant::now();
+            let Some(step) = self.run(gpu, stages, 0)?.pop() else { return Ok(times) };
+            times.push(StepTime { step, elapsed: begin.elapsed() });
         }
-        Ok(times)
     }
 
     /// True once a step has failed.
@@ -156,32 +230,54 @@ impl AoBuild {
         self.failure.is_some()
     }
 
-    /// Runs the next step; `None` when there is none left.
-    fn run_step(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<Option<StepTime>, GpuError> {
+    /// Runs the next step, and more while they are cheap; says which.
+    fn run(&mut self, gpu: &Gpu, stages: &AoStages, cost: u64) -> Result<Vec<Step>, GpuError> {
         if let Some(error) = &self.failure {
             return Err(error.clone());
         }
-        let Some(step) = self.next_step() else { return Ok(None) };
+        let mut run: Vec<(u32, Step)> = Vec::new();
+        let mut sum = 0_u64;
+        while let Some((number, step)) = self.next_step(|step, layouts| {
+            let next = sum.saturating_add(step.cost(layouts));
+            run.is_empty() || next <= cost
+        }) {
+            sum = sum.saturating_add(step.cost(&self.pyramid.borrow().layouts));
+            run.push((number, step));
+        }
+        if run.is_empty() {
+            return Ok(Vec::new());
+        }
         let begin = Instant::now();
         let result = gpu.guarded("ambient occlusion", || {
             let mut recorder = Recorder::new(gpu, "ambient occlusion");
-            self.record(gpu, stages, &mut recorder, &step)?;
+            if run[0].0 == 0 {
+                self.record_begin(&mut recorder);
+            }
+            for (number, step) in &run {
+                self.record(gpu, stages, &mut recorder, *number, step)?;
+            }
             recorder.run(gpu)
         });
         if let Err(error) = result {
             self.failure = Some(error.clone());
+            self.pyramid.borrow_mut().set_broken();
             return Err(error);
         }
-        let elapsed = begin.elapsed();
-        if let (Step::Trace(_), Some(tracer)) = (&step, &mut self.tracer) {
-            tracer.adapt(elapsed, SLICE_TIME / 4);
+        for (_, step) in &run {
+            if let Step::Level { level, candidates, .. } = step {
+                let list = &self.work.levels[*level as usize];
+                self.pyramid.borrow_mut().settle(*level as usize, &list[span(candidates)]);
+            }
+            if let (Step::Trace(_), Some(tracer)) = (step, &mut self.tracer) {
+                tracer.adapt(begin.elapsed(), SLICE_TIME / 4);
+            }
         }
-        Ok(Some(StepTime { step, elapsed }))
+        Ok(run.into_iter().map(|(_, step)| step).collect())
     }
 
     /// Traces only some rows (counted through the slices), for measuring.
-    pub fn keep_rows(&mut self, rows: std::ops::Range<u32>) {
-        for step in &mut self.steps {
+    pub fn keep_rows(&mut self, rows: Range<u32>) {
+        for (_, step) in &mut self.steps {
             if let Step::Trace(all) = step {
                 *all = rows.clone();
             }
@@ -191,209 +287,95 @@ impl AoBuild {
     /// Share of the work that is done, in [0, 1]: of the rows where rays are traced, else of the steps.
     pub fn fraction(&self) -> f64 {
         let all_rows = f64::from(self.dims[1]) * f64::from(self.dims[2]);
-        let left = match self.steps.back() {
-            Some(Step::Trace(rows)) => rows.len() as f64 / all_rows,
-            _ => self.steps.len() as f64 / self.step_count.max(1) as f64,
+        let traced = self.steps.iter().find_map(|(_, step)| if let Step::Trace(rows) = step { Some(rows) } else { None });
+        let left = match traced {
+            Some(rows) => rows.len() as f64 / all_rows,
+            None => self.steps.len() as f64 / self.all_steps.len().max(1) as f64,
         };
         1.0 - left
     }
 
     /// Bytes of every level of box means.
     pub fn level_bytes(&self) -> Vec<u64> {
-        self.levels.iter().map(GpuBuffer::bytes).collect()
+        self.pyramid.borrow().level_bytes()
     }
 
-    /// The finished accessibility volume, once, to be known as `version`; `None` before the last step is done.
+    /// The accessibility as far as it has been computed, the rest as it was before, and how open its surfaces were
+    /// before; `None` where nothing was there before.
+    pub fn so_far(&self) -> Option<(Rc<GpuTexture>, f64)> {
+        let begun = self.steps.front().is_some_and(|(number, _)| *number > 0);
+        self.base.as_ref().filter(|_| begun).map(|base| (self.target.clone(), base.surface_reference))
+    }
+
+    /// The finished accessibility volume, to be known as `version`, and what was done for it; `None` before the last
+    /// step is done. Later calls give the same.
     ///
     /// # Errors
     /// As [`Self::advance`].
-    pub fn finish(&mut self, gpu: &Gpu, version: u64) -> Result<Option<Accessibility>, GpuError> {
-        if !self.steps.is_empty() {
+    pub fn finish(&mut self, gpu: &Gpu, version: u64) -> Result<Option<(Rc<Accessibility>, AoWork)>, GpuError> {
+        if !self.steps.is_empty() || self.failure.is_some() {
             return Ok(None);
         }
-        let Some(texture) = self.target.take() else { return Ok(None) };
-        let surface_reference = gpu.guarded("ambient occlusion", || self.surface.reference(gpu))?;
-        Ok(Some(Accessibility { texture, surface_reference, version }))
+        if self.finished.is_none() {
+            let (surface_reference, counts) = gpu.guarded("ambient occlusion", || {
+                let mut recorder = Recorder::new(gpu, "ao surface");
+                recorder.clear(&self.pyramid.borrow().changed);
+                self.surface.reference(gpu, recorder, &self.dispatches)
+            })?;
+            let mut done = AoWork { incremental: self.base.is_some(), ..AoWork::default() };
+            for (step, count) in self.all_steps.iter().zip(counts) {
+                match step {
+                    Step::Level { level: 0, .. } => done.classified += u64::from(count),
+                    Step::Level { .. } => done.tiles += u64::from(count),
+                    Step::Combine { .. } => done.recomputed += u64::from(count),
+                    Step::Trace(_) => done.recomputed += self.wanted.count(),
+                    Step::Surface { .. } => {}
+                }
+            }
+            let texture = self.target.clone();
+            let result = Rc::new(Accessibility { texture, surface_reference, version });
+            self.pyramid.borrow_mut().finish(&result, &self.settings, &self.wanted);
+            self.finished = Some((result, done));
+        }
+        Ok(self.finished.clone())
     }
 
-    fn next_step(&mut self) -> Option<Step> {
-        let step = self.steps.pop_front()?;
-        let (Step::Trace(rows), Some(tracer)) = (&step, &self.tracer) else { return Some(step) };
+    /// Takes the next step if `wished`.
+    fn next_step(
+        &mut self,
+        wished: impl FnOnce(&Step, &[super::levels::LevelLayout]) -> bool,
+    ) -> Option<(u32, Step)> {
+        let (_, step) = self.steps.front()?;
+        if !wished(step, &self.pyramid.borrow().layouts) {
+            return None;
+        }
+        let (number, step) = self.steps.pop_front()?;
+        let (Step::Trace(rows), Some(tracer)) = (&step, &self.tracer) else { return Some((number, step)) };
         let (now, later) = tracer.split(rows, self.dims[1]);
         if !later.is_empty() {
-            self.steps.push_front(Step::Trace(later));
+            self.steps.push_front((number, Step::Trace(later)));
         }
-        Some(Step::Trace(now))
-    }
-
-    fn record(&self, gpu: &Gpu, stages: &AoStages, recorder: &mut Recorder, step: &Step) -> Result<(), GpuError> {
-        match step {
-            Step::Classify(slices) => self.record_classify(gpu, stages, recorder, slices.clone()),
-            Step::Mipmap(level, slices) => self.record_mipmap(gpu, stages, recorder, *level as usize, slices.clone()),
-            Step::NBuffer(level, slices) => self.record_nbuffer(gpu, stages, recorder, *level as usize, slices.clone()),
-            Step::Combine(slices) => self.record_combine(gpu, stages, recorder, slices.clone()),
-            Step::Trace(rows) => {
-                let Some(tracer) = &self.tracer else { return Ok(()) };
-                let level = (&self.layouts[0], &self.levels[0]);
-                tracer.record(gpu, stages, recorder, level, rows.clone(), &self.samples, self.row_words)?;
-                let origin = wgpu::Origin3d { x: 0, y: rows.start % self.dims[1], z: rows.start / self.dims[1] };
-                self.copy_samples(recorder, origin, rows.end - rows.start, 1);
-                self.record_surface(gpu, stages, recorder, rows.clone())
-            }
-        }
-    }
-
-    fn record_classify(
-        &self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        recorder: &mut Recorder,
-        slices: std::ops::Range<u32>,
-    ) -> Result<(), GpuError> {
-        let layout = &self.layouts[0];
-        let params = ClassifyParams {
-            level: layout.info(slices.start),
-            dims: self.dims,
-            first_slice: slices.start,
-            slice_count: slices.end - slices.start,
-            code_scale: self.source.code_scale,
-            _padding: [0; 2],
-        };
-        let bindings = [
-            (1, Binding::Texture(&self.source.values.view)),
-            (2, Binding::Buffer(&self.opacity_table.raw)),
-            (3, self.window(0, slices)),
-        ];
-        stages.classify.record(gpu, recorder, &params, &bindings, invocations(layout, params.slice_count))
-    }
-
-    fn record_mipmap(
-        &self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        recorder: &mut Recorder,
-        level: usize,
-        slices: std::ops::Range<u32>,
-    ) -> Result<(), GpuError> {
-        let (source, target) = (&self.layouts[level - 1], &self.layouts[level]);
-        let last = source.extent[2] - 1;
-        let from = (2 * slices.start).saturating_sub(1).min(last)..(2 * slices.end - 1).clamp(1, last + 1);
-        let from = from.start..from.end.max(from.start + 1);
-        let params = MipmapParams {
-            source: source.info(from.start),
-            target_level: target.info(slices.start),
-            first_slice: slices.start,
-            slice_count: slices.end - slices.start,
-            _padding: [0; 2],
-        };
-        let bindings = [(1, self.window(level - 1, from)), (2, self.window(level, slices))];
-        stages.mipmap_level.record(gpu, recorder, &params, &bindings, invocations(target, params.slice_count))
-    }
-
-    fn record_nbuffer(
-        &self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        recorder: &mut Recorder,
-        level: usize,
-        slices: std::ops::Range<u32>,
-    ) -> Result<(), GpuError> {
-        let (source, target) = (&self.layouts[level - 1], &self.layouts[level]);
-        let shift = target.width / 2;
-        let last = source.extent[2] - 1;
-        let start = slices.start.saturating_sub(shift).min(last);
-        let from = start..slices.end.clamp(start + 1, last + 1);
-        let params = NBufferParams {
-            source: source.info(from.start),
-            target_level: target.info(slices.start),
-            first_slice: slices.start,
-            slice_count: slices.end - slices.start,
-            shift_log2: shift.ilog2(),
-            _padding: 0,
-        };
-        let bindings = [(1, self.window(level - 1, from)), (2, self.window(level, slices))];
-        let stage = if shift == 1 { &stages.nbuffer_first_level } else { &stages.nbuffer_level };
-        // An invocation makes 4 words x 4 rows; blocks that stick out are whole.
-        let stride = (shift / 2).max(1);
-        let words = target.extent[0].div_ceil(2).div_ceil(4 * stride) * stride;
-        let rows = target.extent[1].div_ceil(4 * shift) * shift;
-        stage.record(gpu, recorder, &params, &bindings, [words, rows, params.slice_count])
-    }
-
-    fn record_combine(
-        &self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        recorder: &mut Recorder,
-        slices: std::ops::Range<u32>,
-    ) -> Result<(), GpuError> {
-        let mut infos = [<LevelInfo as bytemuck::Zeroable>::zeroed(); MAX_LEVELS];
-        let mut bindings =
-            vec![(1, Binding::Texture(&self.source.values.view)), (2, Binding::Buffer(&self.samples.raw))];
-        for (level, layout) in (0_u32..).zip(&self.layouts) {
-            let window = combine_window(&slices, &self.settings, level, layout);
-            infos[level as usize] = layout.info(window.start);
-            bindings.push((10 + level, self.window(level as usize, window)));
-        }
-        let params = SpaoParams {
-            levels: infos,
-            dims: self.dims,
-            first_slice: slices.start,
-            slice_count: slices.end - slices.start,
-            row_words: self.row_words,
-            normalise: normalise(&self.source),
-            normal_factor: self.settings.normal_factor as f32,
-        };
-        let stage = stages.spao(gpu, self.settings.levels, self.settings.normal_factor)?;
-        let size = [self.dims[0].div_ceil(2), self.dims[1], params.slice_count];
-        stage.record(gpu, recorder, &params, &bindings, size)?;
-        let origin = wgpu::Origin3d { x: 0, y: 0, z: slices.start };
-        self.copy_samples(recorder, origin, self.dims[1], params.slice_count);
-        self.record_surface(gpu, stages, recorder, slices.start * self.dims[1]..slices.end * self.dims[1])
-    }
-
-    /// Counts the samples of some rows, which have just been computed.
-    fn record_surface(
-        &self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        recorder: &mut Recorder,
-        rows: std::ops::Range<u32>,
-    ) -> Result<(), GpuError> {
-        // Cell c of level 0 holds voxel c - 1, and both neighbours are read.
-        let slices = rows.start / self.dims[1]..(rows.end - 1) / self.dims[1] + 3;
-        let level = (&self.layouts[0], slices.start, self.window(0, slices));
-        self.surface.record(gpu, stages, recorder, self.dims, rows, level, (&self.samples, self.row_words))
-    }
-
-    /// The slices of a level as a binding.
-    fn window(&self, level: usize, slices: std::ops::Range<u32>) -> Binding<'_> {
-        let bytes = self.layouts[level].slice_bytes();
-        Binding::Slice(&self.levels[level].raw, u64::from(slices.start) * bytes, slices.len() as u64 * bytes)
-    }
-
-    fn copy_samples(&self, recorder: &mut Recorder, origin: wgpu::Origin3d, rows: u32, slices: u32) {
-        let Some(target) = &self.target else { return };
-        recorder.encoder.copy_buffer_to_texture(
-            wgpu::TexelCopyBufferInfo {
-                buffer: &self.samples.raw,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(self.row_words * 4),
-                    rows_per_image: Some(rows),
-                },
-            },
-            wgpu::TexelCopyTextureInfo { texture: &target.raw, mip_level: 0, origin, aspect: wgpu::TextureAspect::All },
-            wgpu::Extent3d { width: self.dims[0], height: rows, depth_or_array_layers: slices },
-        );
+        Some((number, Step::Trace(now)))
     }
 }
 
-/// Normalised value per stored value.
-pub(super) fn normalise(source: &AoSource) -> f32 {
-    if source.max_code == 0 { 0.0 } else { source.code_scale / f32::from(source.max_code) }
+/// Range of a slice.
+pub(super) fn span(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
 }
 
-fn invocations(target: &LevelLayout, slices: u32) -> [u32; 3] {
-    [target.extent[0].div_ceil(2), target.extent[1], slices]
+/// Arguments of the dispatches of all steps: no workgroups yet, and as many parts as a tile has.
+fn dispatches(gpu: &Gpu, steps: &[Step], pyramid: &Pyramid) -> Result<GpuBuffer, GpuError> {
+    let arguments: Vec<[u32; DISPATCH_WORDS as usize]> = steps
+        .iter()
+        .map(|step| match step {
+            Step::Level { level, .. } => [0, pyramid.layouts[*level as usize].tile_parts(), 1, 0],
+            _ => [0, 1, 1, 0],
+        })
+        .collect();
+    let usage = wgpu::BufferUsages::STORAGE
+        | wgpu::BufferUsages::INDIRECT
+        | wgpu::BufferUsages::COPY_SRC
+        | wgpu::BufferUsages::COPY_DST;
+    gpu.buffer_with("ao dispatches", Category::AoScratch, bytemuck::cast_slice(&arguments), usage)
 }

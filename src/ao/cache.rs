@@ -5,7 +5,8 @@ use std::rc::Rc;
 use sha2::{Digest, Sha256};
 
 use super::build::Accessibility;
-use crate::scene::{AmbientOcclusion, AoMethod, AoStructure, Radius};
+use super::tiles::TileSet;
+use crate::scene::{AmbientOcclusion, AoMethod, Radius};
 use crate::volume::VolumeId;
 
 /// Results kept besides the one in use, so that undo, presets and toggles come back at once.
@@ -15,7 +16,8 @@ const KEPT_RESULTS: usize = 8;
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct AoKey {
     volume: VolumeId,
-    opacity_table: [u8; 32],
+    /// Digest of the opacity table and of the bricks that have accessibility.
+    contents: [u8; 32],
     method: AoMethod,
     /// Settings that the method reads; the others are zero.
     numbers: [u64; 6],
@@ -23,16 +25,12 @@ pub struct AoKey {
 
 impl AoKey {
     /// The key of these settings. Call with a method other than `Off`.
-    pub fn new(volume: &VolumeId, opacity_table: &[u16], settings: &AmbientOcclusion) -> Self {
+    /// `wanted`: the bricks that have accessibility.
+    pub fn new(volume: &VolumeId, opacity_table: &[u16], wanted: &TileSet, settings: &AmbientOcclusion) -> Self {
         let numbers = match settings.method {
             AoMethod::Off => [0; 6],
             AoMethod::Spao => {
-                let mip_levels = match settings.structure {
-                    AoStructure::NBuffer => 0,
-                    AoStructure::Mipmap => settings.levels,
-                    AoStructure::Hybrid => settings.mip_levels,
-                };
-                [u64::from(settings.levels), u64::from(mip_levels), settings.normal_factor.to_bits(), 0, 0, 0]
+                [u64::from(settings.levels), u64::from(settings.halved_levels()), settings.normal_factor.to_bits(), 0, 0, 0]
             }
             AoMethod::Raytraced => {
                 let (kind, reach) = match settings.radius {
@@ -44,8 +42,8 @@ impl AoKey {
                 [0, 0, hemisphere, u64::from(settings.rays), kind, reach]
             }
         };
-        let opacity_table = Sha256::digest(bytemuck::cast_slice::<u16, u8>(opacity_table)).into();
-        Self { volume: volume.clone(), opacity_table, method: settings.method, numbers }
+        let sha = Sha256::new_with_prefix(bytemuck::cast_slice::<u16, u8>(opacity_table)).chain_update(wanted.bytes());
+        Self { volume: volume.clone(), contents: sha.finalize().into(), method: settings.method, numbers }
     }
 
     /// The volume that the result is of.
@@ -82,6 +80,12 @@ impl AoCache {
         if self.results.len() > KEPT_RESULTS {
             self.results.remove(0);
         }
+    }
+
+    /// Bytes of the results that nobody else holds.
+    pub fn evictable_bytes(&self) -> u64 {
+        let unused = self.results.iter().filter(|r| Rc::strong_count(&r.1) == 1);
+        unused.map(|r| r.1.texture.bytes()).sum()
     }
 
     /// Drops the least recently used result; false when there is none.

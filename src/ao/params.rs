@@ -13,7 +13,7 @@ uniform! {
         slice_words: u32,
         first_slice: u32,
         inverse_scale: f32,
-        width: f32,
+        lookup_offset: f32,
     }
 }
 
@@ -22,10 +22,9 @@ uniform! {
     ClassifyParams in "ao_classify" {
         level: LevelInfo,
         dims: [u32; 3],
-        first_slice: u32,
-        slice_count: u32,
+        origin: u32,
+        tiles: [u32; 3],
         code_scale: f32,
-        _padding: [u32; 2],
     }
 }
 
@@ -34,9 +33,10 @@ uniform! {
     MipmapParams in "ao_mipmap_level" {
         source: LevelInfo,
         target_level: LevelInfo,
-        first_slice: u32,
-        slice_count: u32,
-        _padding: [u32; 2],
+        tiles: [u32; 3],
+        first_flag: u32,
+        offset: i32,
+        _padding: [u32; 3],
     }
 }
 
@@ -45,10 +45,55 @@ uniform! {
     NBufferParams in "ao_nbuffer_level" {
         source: LevelInfo,
         target_level: LevelInfo,
-        first_slice: u32,
-        slice_count: u32,
+        tiles: [u32; 3],
+        first_flag: u32,
+        rows_log2: u32,
         shift_log2: u32,
+        near: i32,
         _padding: u32,
+    }
+}
+
+uniform! {
+    /// Parameters of `ao_collect`.
+    CollectParams in "ao_collect" {
+        tiles: [u32; 3],
+        first_flag: u32,
+        tile: [u32; 3],
+        first_candidate: u32,
+        source_tiles: [u32; 3],
+        candidate_count: u32,
+        source_tile: [u32; 3],
+        scale: i32,
+        source_extent: [u32; 3],
+        offset: i32,
+        distance: i32,
+        dispatch: u32,
+        _padding: [u32; 2],
+    }
+}
+
+uniform! {
+    /// Tiles of one level, as `ao_collect_bricks` sees them.
+    LevelTiles in "ao_collect_bricks" {
+        tiles: [u32; 3],
+        first_flag: u32,
+        tile: [u32; 3],
+        _padding: u32,
+    }
+}
+
+uniform! {
+    /// Parameters of `ao_collect_bricks`.
+    CollectBricksParams in "ao_collect_bricks" {
+        levels: [LevelInfo; MAX_LEVELS],
+        level_tiles: [LevelTiles; MAX_LEVELS],
+        bricks: [u32; 3],
+        level_count: u32,
+        first_candidate: u32,
+        candidate_count: u32,
+        dispatch: u32,
+        half_offset: f32,
     }
 }
 
@@ -56,12 +101,14 @@ uniform! {
     /// Parameters of `ao_spao`.
     SpaoParams in "ao_spao" {
         levels: [LevelInfo; MAX_LEVELS],
+        inverse_sizes: [[f32; 4]; MAX_LEVELS],
         dims: [u32; 3],
         first_slice: u32,
-        slice_count: u32,
+        bricks: [u32; 3],
         row_words: u32,
         normalise: f32,
         normal_factor: f32,
+        _padding: [u32; 2],
     }
 }
 
@@ -88,9 +135,8 @@ uniform! {
     SurfaceParams in "ao_surface" {
         level: LevelInfo,
         dims: [u32; 3],
-        first_row: u32,
-        row_count: u32,
-        row_words: u32,
-        _padding: [u32; 2],
+        origin: u32,
+        bricks: [u32; 3],
+        first_brick: u32,
     }
 }

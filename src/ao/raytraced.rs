@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use super::build::{AoSource, normalise};
+use super::build::AoSource;
 use super::levels::LevelLayout;
 use super::params::RaytracedParams;
 use super::plan::{reach_in_voxels, trace_window};
@@ -75,14 +75,14 @@ impl Tracer {
             level: layout.info(window.start),
             dims,
             first_row: rows.start,
-            bricks: self.source.bricks,
+            bricks: self.source.contents.dims,
             row_count: rows.end - rows.start,
             row_words,
             first_output_row: rows.start,
             ray_count: self.settings.rays,
             hemisphere: u32::from(self.settings.normal_factor != 0.0),
             reach: reach_in_voxels(&self.settings).unwrap_or(1e9) as f32,
-            normalise: normalise(&self.source),
+            normalise: self.source.normalise(),
             _padding: [0; 2],
         };
         let bytes = layout.slice_bytes();

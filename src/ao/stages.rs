@@ -13,6 +13,12 @@ pub struct AoStages {
     pub(super) mipmap_level: ComputeStage,
     pub(super) nbuffer_first_level: ComputeStage,
     pub(super) nbuffer_level: ComputeStage,
+    pub(super) nbuffer_subsampled_level: ComputeStage,
+    pub(super) collect: ComputeStage,
+    pub(super) collect_bricks: ComputeStage,
+    pub(super) linear_sampler: wgpu::Sampler,
+    /// Levels are looked up through the texture unit.
+    pub(super) sampled: bool,
     pub(super) raytraced: ComputeStage,
     pub(super) surface: ComputeStage,
     half_floats: f64,
@@ -30,16 +36,26 @@ impl AoStages {
     /// # Errors
     /// [`GpuError::Device`] naming the shader.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let half_word = |yes: bool| [("SHIFT_BY_HALF_WORD", f64::from(u8::from(yes)))];
+        let linear_sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("ao levels"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
         let half_floats = f64::from(u8::from(sample_format(gpu) == wgpu::TextureFormat::R16Float));
         let packed = [("HALF_FLOATS", half_floats)];
         Ok(Self {
             half_floats,
-            surface: ComputeStage::new(gpu, "ao_surface", &[], &[], &packed)?,
+            linear_sampler,
+            sampled: gpu.texture_16bit_norm,
+            surface: ComputeStage::new(gpu, "ao_surface", &[], &[], &[])?,
+            collect: ComputeStage::new(gpu, "ao_collect", &[], &[], &[])?,
+            collect_bricks: ComputeStage::new(gpu, "ao_collect_bricks", &[], &[], &[])?,
             classify: ComputeStage::new(gpu, "ao_classify", &[], &[], &[])?,
             mipmap_level: ComputeStage::new(gpu, "ao_mipmap_level", &[], &[], &[])?,
-            nbuffer_first_level: ComputeStage::new(gpu, "ao_nbuffer_level", &[], &[], &half_word(true))?,
-            nbuffer_level: ComputeStage::new(gpu, "ao_nbuffer_level", &[], &[], &half_word(false))?,
+            nbuffer_first_level: ComputeStage::new(gpu, "ao_nbuffer_level", &[], &[], &[("SHIFT_BY_HALF_WORD", 1.0)])?,
+            nbuffer_level: ComputeStage::new(gpu, "ao_nbuffer_level", &[], &[], &[])?,
+            nbuffer_subsampled_level: ComputeStage::new(gpu, "ao_nbuffer_level", &[], &[], &[("SUBSAMPLED", 1.0)])?,
             raytraced: ComputeStage::new(gpu, "ao_raytraced", &[], &[], &packed)?,
             spao: RefCell::default(),
         })
@@ -52,7 +68,11 @@ impl AoStages {
             return Ok(stage.clone());
         }
         let constants = [("OFFSET_BY_NORMAL", f64::from(u8::from(offset))), ("HALF_FLOATS", self.half_floats)];
-        let stage = Rc::new(ComputeStage::new(gpu, "ao_spao", &[("LEVELS", levels)], &[], &constants)?);
+        // The sampled variant packs nothing.
+        let constants = &constants[..if self.sampled { 1 } else { 2 }];
+        let by_hand = [("common/spao_sampled", "common/spao_words")];
+        let replaced: &[_] = if self.sampled { &[] } else { &by_hand };
+        let stage = Rc::new(ComputeStage::new(gpu, "ao_spao", &[("LEVELS", levels)], replaced, constants)?);
         self.spao.borrow_mut().insert((levels, offset), stage.clone());
         Ok(stage)
     }

@@ -1,9 +1,13 @@
 //! How open the surfaces of a result are: the measure that pictures are exposed by.
 
+use std::ops::Range;
+
+use super::build::DISPATCH_WORDS;
 use super::levels::LevelLayout;
 use super::params::SurfaceParams;
 use super::stages::AoStages;
-use crate::gpu::{Binding, Category, Gpu, GpuBuffer, GpuError, Recorder};
+use crate::gpu::{Binding, Category, Gpu, GpuBuffer, GpuError, GpuTexture, Recorder};
+use crate::volume::BRICK;
 
 /// Bins over the square root of accessibility, 0 to 1.
 const BINS: usize = 256;
@@ -15,52 +19,63 @@ const REFERENCE_QUANTILE: f64 = 0.8;
 #[derive(Debug)]
 pub(super) struct SurfaceHistogram {
     bins: GpuBuffer,
-    readback: GpuBuffer,
 }
 
 impl SurfaceHistogram {
     pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let bins = BINS as u64 * 4;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        let readback = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        Ok(Self {
-            bins: gpu.buffer("ao surface bins", Category::AoScratch, bins, usage)?,
-            readback: gpu.buffer("ao surface read-back", Category::AoScratch, bins, readback)?,
-        })
+        Ok(Self { bins: gpu.buffer("ao surface bins", Category::AoScratch, bins, usage)? })
     }
 
-    /// Counts `rows` of samples. `level` is level 0 and a binding of its slices around the rows.
-    #[allow(clippy::too_many_arguments, reason = "the build's parts, borrowed one by one")]
+    /// Counts samples of the bricks `list`, a range of a work list. `window`: first slice and binding of level 0
+    /// around them.
     pub(super) fn record(
         &self,
         gpu: &Gpu,
         stages: &AoStages,
         recorder: &mut Recorder,
-        dims: [u32; 3],
-        rows: std::ops::Range<u32>,
-        level: (&LevelLayout, u32, Binding<'_>),
-        samples: (&GpuBuffer, u32),
+        layout: &LevelLayout,
+        window: (u32, Binding<'_>),
+        (accessibility, bricks, list): (&GpuTexture, &GpuBuffer, Range<u32>),
     ) -> Result<(), GpuError> {
-        let (layout, first_slice, window) = level;
+        let dims = accessibility.dims();
         let params = SurfaceParams {
-            level: layout.info(first_slice),
+            level: layout.info(window.0),
             dims,
-            first_row: rows.start,
-            row_count: rows.end - rows.start,
-            row_words: samples.1,
-            _padding: [0; 2],
+            origin: layout.origin,
+            bricks: dims.map(|n| n.div_ceil(BRICK)),
+            first_brick: list.start,
         };
-        let bindings = [(1, Binding::Buffer(&samples.0.raw)), (2, window), (3, Binding::Buffer(&self.bins.raw))];
-        let size = [dims[0].div_ceil(2), params.row_count, 1];
-        stages.surface.record(gpu, recorder, &params, &bindings, size)
+        let bindings = [
+            (1, Binding::Texture(&accessibility.view)),
+            (2, window.1),
+            (3, Binding::Buffer(&bricks.raw)),
+            (4, Binding::Buffer(&self.bins.raw)),
+        ];
+        // A workgroup for each brick.
+        stages.surface.record(gpu, recorder, &params, &bindings, [4 * list.len() as u32, 4, 4])
     }
 
-    /// The accessibility that four fifths of the surface do not exceed, in (0, 1]; 1 without a surface.
-    pub(super) fn reference(&self, gpu: &Gpu) -> Result<f64, GpuError> {
-        let mut recorder = Recorder::new(gpu, "ao surface");
-        let bytes = self.readback.bytes();
-        recorder.copy(&self.bins, &self.readback, bytes);
-        recorder.run_and_read(gpu, &self.readback, bytes, |data| quantile(bytemuck::cast_slice(data)))
+    /// Runs `recorder`, then says what accessibility four fifths of the surface do not exceed, in (0, 1], 1 without
+    /// a surface; and the first word of each of the `dispatches`.
+    pub(super) fn reference(
+        &self,
+        gpu: &Gpu,
+        mut recorder: Recorder,
+        dispatches: &GpuBuffer,
+    ) -> Result<(f64, Vec<u32>), GpuError> {
+        let (bins, counts) = (self.bins.bytes(), dispatches.bytes());
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let readback = gpu.buffer("ao read-back", Category::AoScratch, bins + counts, usage)?;
+        recorder.encoder.copy_buffer_to_buffer(&self.bins.raw, 0, &readback.raw, 0, bins);
+        recorder.encoder.copy_buffer_to_buffer(&dispatches.raw, 0, &readback.raw, bins, counts);
+        recorder.run_and_read(gpu, &readback, bins + counts, |data| {
+            let words: &[u32] = bytemuck::cast_slice(data);
+            let (bins, dispatches) = words.split_at(BINS);
+            let counts = dispatches.chunks(DISPATCH_WORDS as usize).map(|arguments| arguments[0]);
+            (quantile(bins), counts.collect())
+        })
     }
 }
 

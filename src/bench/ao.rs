@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::copy::copy_time;
 use crate::ao::Step;
 use crate::config::BenchAoArgs;
-use crate::renderer::Renderer;
+use crate::renderer::{Coverage, Renderer};
 use crate::scene::{Scene, SceneDocument};
 use crate::session::{NewVolume, VolumeSource, volume_facts};
 use crate::volume::{Limits, VolumeId};
@@ -40,8 +40,10 @@ pub(super) fn run(args: &BenchAoArgs, out: &mut dyn Write) -> anyhow::Result<()>
         writeln!(out, "\n{argument}, {x} x {y} x {z}, median of {} runs", args.runs)?;
         for structure in ["n_buffer", "mipmap"] {
             let scene = scene(&id, &volume, &json!({"method": "spao", "structure": structure}))?;
-            let rows = spao_rows(&renderer, &scene, args.runs)?;
-            print_table(&renderer, structure, &rows, out)?;
+            for (coverage, what) in [(Coverage::Everywhere, "everywhere"), (Coverage::Visible, "where visible")] {
+                let rows = spao_rows(&renderer, &scene, coverage, args.runs)?;
+                print_table(&renderer, &format!("{structure} {what}"), &rows, out)?;
+            }
         }
         let scene = scene(&id, &volume, &json!({"method": "raytraced", "rays": 512}))?;
         let row = traced_row(&mut renderer, &scene, &volume)?;
@@ -57,21 +59,20 @@ fn scene(id: &VolumeId, volume: &NewVolume, ambient_occlusion: &Value) -> anyhow
 }
 
 /// Time per level, all levels, combination and total, each the median over the runs.
-fn spao_rows(renderer: &Renderer, scene: &Scene, runs: u32) -> anyhow::Result<Vec<Row>> {
+fn spao_rows(renderer: &Renderer, scene: &Scene, coverage: Coverage, runs: u32) -> anyhow::Result<Vec<Row>> {
     let levels = scene.ambient_occlusion.levels as usize;
     let mut samples: Vec<Vec<Duration>> = vec![Vec::new(); levels + 4];
     let mut level_bytes = Vec::new();
     // One run more: the first compiles and touches memory.
     for run in 0..=runs {
-        let mut build = renderer.fresh_ao_build(scene)?;
+        let mut build = renderer.fresh_ao_build(scene, coverage)?;
         level_bytes = build.level_bytes();
         let (gpu, stages) = renderer.ao_tools();
         let mut sums = vec![Duration::ZERO; levels + 2];
         for step in build.run_profiled(gpu, stages)? {
             let row = match step.step {
-                Step::Classify(_) => 0,
-                Step::Mipmap(level, _) | Step::NBuffer(level, _) => level as usize,
-                Step::Combine(_) | Step::Trace(_) => levels + 1,
+                Step::Level { level, .. } => level as usize,
+                Step::Combine { .. } | Step::Surface { .. } | Step::Trace(_) => levels + 1,
             };
             sums[row] += step.elapsed;
         }
@@ -108,7 +109,7 @@ fn spao_rows(renderer: &Renderer, scene: &Scene, runs: u32) -> anyhow::Result<Ve
 
 /// 512 rays to a voxel take minutes to hours on a CPU: a few slices in the middle, scaled up, and said so.
 fn traced_row(renderer: &mut Renderer, scene: &Arc<Scene>, volume: &NewVolume) -> anyhow::Result<Row> {
-    let mut build = renderer.fresh_ao_build(scene)?;
+    let mut build = renderer.fresh_ao_build(scene, Coverage::Everywhere)?;
     let (gpu, stages) = renderer.ao_tools();
     let [_, y, z] = volume.volume.grid.dims;
     let count = TRACED_SLICES.min(z);
@@ -127,14 +128,14 @@ fn traced_row(renderer: &mut Renderer, scene: &Arc<Scene>, volume: &NewVolume) -
 
 fn print_table(renderer: &Renderer, title: &str, rows: &[Row], out: &mut dyn Write) -> anyhow::Result<()> {
     let (gpu, _) = renderer.ao_tools();
-    writeln!(out, "\n{title:16} {:>12} {:>10} {:>10} {:>8}", "ms", "MB moved", "copy ms", "ratio")?;
+    writeln!(out, "\n{title:26} {:>12} {:>10} {:>10} {:>8}", "ms", "MB moved", "copy ms", "ratio")?;
     for row in rows {
         // Half of what a copy moves is read, half is written.
         let copy = copy_time(gpu, row.bytes / 2)?;
         let ratio = row.elapsed.as_secs_f64() / copy.as_secs_f64().max(1e-9);
         let (ms, copy_ms) = (row.elapsed.as_secs_f64() * 1e3, copy.as_secs_f64() * 1e3);
         let megabytes = row.bytes as f64 / 1e6;
-        let line = format!("{:16} {ms:12.2} {megabytes:10.1} {copy_ms:10.2} {ratio:8.1}  {}", row.name, row.note);
+        let line = format!("{:26} {ms:12.2} {megabytes:10.1} {copy_ms:10.2} {ratio:8.1}  {}", row.name, row.note);
         writeln!(out, "{}", line.trim_end())?;
     }
     Ok(())

@@ -190,7 +190,11 @@ impl Gpu {
         self.buffer_with(label, Category::Frame, bytemuck::bytes_of(contents), usage)
     }
 
-    fn buffer_with(
+    /// A buffer with these contents; `usage` must allow it to be copied to.
+    ///
+    /// # Errors
+    /// As [`Self::buffer`].
+    pub fn buffer_with(
         &self,
         label: &str,
         category: Category,

@@ -85,6 +85,35 @@ impl ComputeStage {
         bindings: &[(u32, Binding<'_>)],
         invocations: [u32; 3],
     ) -> Result<(), GpuError> {
+        let [x, y, z] = std::array::from_fn(|axis| invocations[axis].div_ceil(self.workgroup[axis]));
+        self.record_with(gpu, recorder, params, bindings, |pass| pass.dispatch_workgroups(x, y, z))
+    }
+
+    /// Records one dispatch whose numbers of workgroups an earlier one has written: three words at `offset` bytes.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn record_indirect<P: Uniform>(
+        &self,
+        gpu: &Gpu,
+        recorder: &mut Recorder,
+        params: &P,
+        bindings: &[(u32, Binding<'_>)],
+        (workgroups, offset): (&GpuBuffer, u64),
+    ) -> Result<(), GpuError> {
+        self.record_with(gpu, recorder, params, bindings, |pass| {
+            pass.dispatch_workgroups_indirect(&workgroups.raw, offset);
+        })
+    }
+
+    fn record_with<P: Uniform>(
+        &self,
+        gpu: &Gpu,
+        recorder: &mut Recorder,
+        params: &P,
+        bindings: &[(u32, Binding<'_>)],
+        dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>),
+    ) -> Result<(), GpuError> {
         debug_assert_eq!(self.label, P::STEM, "the parameters belong to another shader");
         let params = gpu.uniform_with(&self.label, params)?;
         let entries: Vec<_> = [(0, Binding::Buffer(&params.raw))]
@@ -102,8 +131,7 @@ impl ComputeStage {
             .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&self.label), timestamp_writes: None });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        let [x, y, z] = std::array::from_fn(|axis| invocations[axis].div_ceil(self.workgroup[axis]));
-        pass.dispatch_workgroups(x, y, z);
+        dispatch(&mut pass);
         drop(pass);
         recorder.kept.push(params);
         Ok(())
@@ -127,6 +155,11 @@ impl Recorder {
     /// Copies the first `bytes` bytes of a buffer.
     pub fn copy(&mut self, from: &GpuBuffer, to: &GpuBuffer, bytes: u64) {
         self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
+    }
+
+    /// Fills a buffer with zeros.
+    pub fn clear(&mut self, buffer: &GpuBuffer) {
+        self.encoder.clear_buffer(&buffer.raw, 0, None);
     }
 
     /// Runs the commands and waits for exactly these.
@@ -200,13 +233,14 @@ fn binding_type(
         }
         (_, naga::TypeInner::Sampler { .. }) => Some(wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
         (_, naga::TypeInner::Image { class, .. }) => Some(match class {
-            naga::ImageClass::Storage { format: naga::StorageFormat::Rgba8Snorm, .. } => {
-                wgpu::BindingType::StorageTexture {
-                    access: wgpu::StorageTextureAccess::WriteOnly,
-                    format: wgpu::TextureFormat::Rgba8Snorm,
-                    view_dimension: wgpu::TextureViewDimension::D3,
-                }
-            }
+            naga::ImageClass::Storage { format, .. } => wgpu::BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::WriteOnly,
+                format: match format {
+                    naga::StorageFormat::R16Unorm => wgpu::TextureFormat::R16Unorm,
+                    _ => wgpu::TextureFormat::Rgba8Snorm,
+                },
+                view_dimension: wgpu::TextureViewDimension::D3,
+            },
             _ => wgpu::BindingType::Texture {
                 sample_type: wgpu::TextureSampleType::Float {
                     // The unfiltered variant is named for what it is; see common/value_texels.wgsl.

@@ -12,7 +12,8 @@ use super::request::{
     StageTimings,
 };
 use super::resident::{ResidentVolume, Upload};
-use super::work::{Ao, Renderer, Turn};
+use super::occlusion::{AtHand, Coverage, Wish};
+use super::work::{Renderer, Turn};
 use crate::ao::{Accessibility, AoBuild, AoKey};
 use crate::gpu::{Binding, Category, Gpu, GpuError, GpuTexture, Recorder};
 use crate::scene::{AoMethod, Scene};
@@ -63,17 +64,17 @@ impl UploadJob {
 /// The part that pictures and downloads share: from a scene to its accessibility volume.
 #[derive(Debug)]
 struct AoProgress {
+    coverage: Coverage,
     build: Option<(AoKey, Rc<RefCell<AoBuild>>)>,
     elapsed: Duration,
-    started: bool,
 }
 
 /// Accessibility of a scene, `None` where it is off, and how it came about.
-type Finished = (Option<Rc<Accessibility>>, AoReport);
+type Finished = (Option<AtHand>, AoReport);
 
 impl AoProgress {
-    fn new() -> Self {
-        Self { build: None, elapsed: Duration::ZERO, started: false }
+    fn new(coverage: Coverage) -> Self {
+        Self { coverage, build: None, elapsed: Duration::ZERO }
     }
 
     fn advance(
@@ -83,16 +84,20 @@ impl AoProgress {
         scene: &Scene,
     ) -> Result<Turn<Finished>, RenderError> {
         let begin = Instant::now();
-        if self.build.is_none() {
-            match renderer.ao(resident, scene)? {
-                Ao::Off => return Ok(self.done(resident, None, AoUpdate::Off)),
-                Ao::Ready(result) => return Ok(self.done(resident, Some(result), AoUpdate::Cached)),
-                Ao::Building(key, build) => self.build = Some((key, build)),
+        let (key, build) = match &self.build {
+            Some(build) => build.clone(),
+            None => {
+                if scene.ambient_occlusion.method == AoMethod::Off {
+                    return Ok(Turn::Done((None, report(resident, AoState::Off, AoUpdate::Off))));
+                }
+                match self.begin(renderer, resident, scene)? {
+                    Begun::Finished(result) => {
+                        let report = AoReport { version: result.version, ..report(resident, AoState::Exact, AoUpdate::Cached) };
+                        return Ok(Turn::Done((Some(at_hand_of(&result)), report)));
+                    }
+                    Begun::Build(key, build) => self.build.insert((key, build)).clone(),
+                }
             }
-            self.started = true;
-        }
-        let Some((key, build)) = self.build.clone() else {
-            return Ok(Turn::Pending(0.0));
         };
         let turn = build.borrow_mut().advance(&renderer.gpu, &renderer.stages.ao);
         let finished = renderer.with_resident(turn)?;
@@ -100,55 +105,84 @@ impl AoProgress {
         if !finished {
             return Ok(Turn::Pending(build.borrow().fraction()));
         }
-        let Some(result) = renderer.finish_ao(&key, &build)? else {
-            // Another job took it and it is gone from the cache already: start again.
-            self.build = None;
-            return Ok(Turn::Pending(0.0));
-        };
-        // Its levels are of no more use, and what comes next may need the memory.
+        // A volume that was removed meanwhile has no further use for the result.
+        let keep = renderer.resident(key.volume()).is_ok();
+        let result = renderer.occlusion.finish(&renderer.gpu, &key, &build, keep);
+        let Some((result, work)) = renderer.with_resident(result)? else { return Ok(Turn::Pending(1.0)) };
+        // What comes next may update the same pyramid.
         self.build = None;
-        Ok(self.done(resident, Some(result), AoUpdate::Full))
+        let report = AoReport {
+            version: result.version,
+            bricks_classified: work.classified,
+            bricks_recomputed: work.recomputed,
+            elapsed: self.elapsed,
+            ..report(resident, AoState::Exact, if work.incremental { AoUpdate::Incremental } else { AoUpdate::Full })
+        };
+        Ok(Turn::Done((Some(at_hand_of(&result)), report)))
     }
 
-    fn done(&self, resident: &ResidentVolume, result: Option<Rc<Accessibility>>, update: AoUpdate) -> Turn<Finished> {
-        let computed = self.started;
-        let bricks = resident.brick_ranges.ranges.len() as u64;
-        let report = AoReport {
-            state: if result.is_some() { AoState::Exact } else { AoState::Off },
-            update: if computed { AoUpdate::Full } else { update },
-            version: result.as_ref().map_or(0, |r| r.version),
-            bricks,
-            bricks_classified: if computed { bricks } else { 0 },
-            bricks_recomputed: if computed { bricks } else { 0 },
-            elapsed: self.elapsed,
-        };
-        Turn::Done((result, report))
+    /// Looks for a result, else joins or begins a build.
+    fn begin(
+        &self,
+        renderer: &mut Renderer,
+        resident: &ResidentVolume,
+        scene: &Scene,
+    ) -> Result<Begun, RenderError> {
+        let wish = || Wish::new(resident, scene, self.coverage);
+        let first = wish();
+        if let Some(result) = renderer.occlusion.finished(&first.key) {
+            return Ok(Begun::Finished(result));
+        }
+        let key = first.key.clone();
+        let mut next = Some(first);
+        loop {
+            let wish = next.take().unwrap_or_else(wish);
+            let build = renderer.occlusion.build(&renderer.gpu, &renderer.stages.ao, wish);
+            match renderer.with_resident(build) {
+                Err(error) if renderer.make_room(&error) => {}
+                result => return Ok(Begun::Build(key, result?)),
+            }
+        }
+    }
+}
+
+/// How a wish for accessibility begins.
+enum Begun {
+    Finished(Rc<Accessibility>),
+    Build(AoKey, Rc<RefCell<AoBuild>>),
+}
+
+fn at_hand_of(result: &Accessibility) -> AtHand {
+    AtHand {
+        texture: result.texture.clone(),
+        surface_reference: result.surface_reference,
+        version: result.version,
+    }
+}
+
+/// A report of nothing done.
+fn report(resident: &ResidentVolume, state: AoState, update: AoUpdate) -> AoReport {
+    AoReport {
+        state,
+        update,
+        version: 0,
+        bricks: resident.contents.ranges.len() as u64,
+        bricks_classified: 0,
+        bricks_recomputed: 0,
+        elapsed: Duration::ZERO,
     }
 }
 
 /// What can be used at once, exact or not.
 fn at_hand(renderer: &mut Renderer, resident: &ResidentVolume, scene: &Scene) -> Finished {
-    let (result, exact) = match scene.ambient_occlusion.method {
-        AoMethod::Off => (None, true),
-        AoMethod::Spao | AoMethod::Raytraced => renderer.ao_at_hand(resident, scene),
-    };
-    let off = scene.ambient_occlusion.method == AoMethod::Off;
-    let report = AoReport {
-        state: if off {
-            AoState::Off
-        } else if exact {
-            AoState::Exact
-        } else {
-            AoState::Refining
-        },
-        update: if result.is_some() { AoUpdate::Cached } else { AoUpdate::Off },
-        version: result.as_ref().map_or(0, |r| r.version),
-        bricks: resident.brick_ranges.ranges.len() as u64,
-        bricks_classified: 0,
-        bricks_recomputed: 0,
-        elapsed: Duration::ZERO,
-    };
-    (result, report)
+    if scene.ambient_occlusion.method == AoMethod::Off {
+        return (None, report(resident, AoState::Off, AoUpdate::Off));
+    }
+    let (result, exact) = renderer.occlusion.at_hand(&Wish::new(resident, scene, Coverage::Visible).key);
+    let state = if exact { AoState::Exact } else { AoState::Refining };
+    let update = if result.is_some() { AoUpdate::Cached } else { AoUpdate::Off };
+    let version = result.as_ref().map_or(0, |r| r.version);
+    (result, AoReport { version, ..report(resident, state, update) })
 }
 
 /// One picture.
@@ -162,7 +196,7 @@ pub struct FrameJob {
 impl FrameJob {
     /// Nothing is done yet.
     pub fn new(request: FrameRequest) -> Self {
-        Self { request, resident: None, ao: AoProgress::new() }
+        Self { request, resident: None, ao: AoProgress::new(Coverage::Visible) }
     }
 
     /// Does a slice of the work.
@@ -182,7 +216,7 @@ impl FrameJob {
             },
         };
         loop {
-            let result = draw(renderer, &resident, &self.request, accessibility.as_deref(), ao);
+            let result = draw(renderer, &resident, &self.request, accessibility.as_ref(), ao);
             match renderer.with_resident(result) {
                 Err(error) if renderer.make_room(&error) => {}
                 result => break result.map(Turn::Done),
@@ -196,16 +230,16 @@ fn draw(
     renderer: &Renderer,
     resident: &ResidentVolume,
     request: &FrameRequest,
-    accessibility: Option<&Accessibility>,
+    accessibility: Option<&AtHand>,
     ao: AoReport,
 ) -> Result<Frame, GpuError> {
     let (gpu, stages) = (&renderer.gpu, &renderer.stages);
     let FrameRequest { scene, width, height, .. } = request;
     let begin = Instant::now();
-    let table = Renderer::transfer_table(resident, scene);
-    let distance = Renderer::occupancy(resident, &table);
+    let table = resident.transfer_table(scene);
+    let distance = resident.occupancy(&table);
     let size = [*width, *height];
-    let bricks = resident.brick_ranges.dims;
+    let bricks = resident.contents.dims;
     let exposure = exposure(scene, accessibility.map_or(1.0, |a| a.surface_reference));
     let params = raycast_params(scene, &resident.volume.grid, &table, resident.code_scale, bricks, size, exposure);
     let bytes = u64::from(*width) * u64::from(*height) * 4;
@@ -253,7 +287,11 @@ pub struct PrepareJob {
 impl PrepareJob {
     /// Nothing is done yet.
     pub fn new(scene: Arc<Scene>) -> Self {
-        Self { scene, resident: None, ao: AoProgress::new() }
+        Self::covering(scene, Coverage::Visible)
+    }
+
+    fn covering(scene: Arc<Scene>, coverage: Coverage) -> Self {
+        Self { scene, resident: None, ao: AoProgress::new(coverage) }
     }
 
     /// Does a slice of the work.
@@ -287,7 +325,7 @@ pub struct AccessibilityJob(PrepareJob);
 impl AccessibilityJob {
     /// Nothing is done yet.
     pub fn new(scene: Arc<Scene>) -> Self {
-        Self(PrepareJob::new(scene))
+        Self(PrepareJob::covering(scene, Coverage::Everywhere))
     }
 
     /// Does a slice of the work.
@@ -312,7 +350,7 @@ impl AccessibilityJob {
 }
 
 /// Reads a texture of 16-bit samples slice by slice, so that the read-back buffer stays small.
-fn read_accessibility(gpu: &Gpu, texture: &GpuTexture) -> Result<Vec<f32>, GpuError> {
+pub(super) fn read_accessibility(gpu: &Gpu, texture: &GpuTexture) -> Result<Vec<f32>, GpuError> {
     let [x, y, z] = texture.dims();
     let row_bytes = (2 * x).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let bytes = u64::from(row_bytes) * u64::from(y);

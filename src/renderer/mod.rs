@@ -5,6 +5,7 @@
 
 mod exposure;
 mod jobs;
+mod occlusion;
 mod occupancy;
 mod raycast;
 mod request;
@@ -13,7 +14,8 @@ mod work;
 
 pub use exposure::{Exposure, exposure};
 pub use jobs::{AccessibilityJob, FrameJob, PrepareJob, UploadJob};
-pub use occupancy::{BRICK, brick_distance};
+pub use occlusion::Coverage;
+pub use occupancy::brick_distance;
 pub use raycast::{GradientParams, Light, RaycastParams};
 pub use request::{
     AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError,

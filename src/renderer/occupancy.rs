@@ -1,8 +1,5 @@
 //! Where there is something to see: the map that lets rays leap over empty bricks.
 
-/// Voxels along a brick's edge; the shaders' `BRICK`.
-pub const BRICK: u32 = 8;
-
 /// Chebyshev distance, in bricks, from every brick to the next visible one: 0 for a visible brick, at most 255.
 /// `dims` are bricks along x (fastest), y, z.
 ///

@@ -67,6 +67,8 @@ pub enum AoUpdate {
     Off,
     /// An earlier result was used.
     Cached,
+    /// What an edit changed was computed, the rest taken from an earlier result.
+    Incremental,
     /// Everything was computed.
     Full,
 }

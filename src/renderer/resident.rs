@@ -6,8 +6,7 @@ use std::sync::Arc;
 use super::raycast::{GradientParams, gradient_basis};
 use super::request::RenderError;
 use crate::gpu::{Binding, Category, ComputeStage, Gpu, GpuError, GpuTexture, Recorder};
-use crate::renderer::occupancy::BRICK;
-use crate::volume::{BrickRanges, Volume};
+use crate::volume::{Bricks, Volume};
 
 /// Bytes sent to the GPU in one go: bounds the staging memory and the time that others wait.
 const SLAB_BYTES: u64 = 16 << 20;
@@ -21,7 +20,7 @@ pub(super) struct ResidentVolume {
     pub(super) volume: Arc<Volume>,
     pub(super) values: Rc<GpuTexture>,
     pub(super) gradients: GpuTexture,
-    pub(super) brick_ranges: BrickRanges,
+    pub(super) contents: Arc<Bricks>,
     /// Codes per stored value: 255 or 65535.
     pub(super) code_scale: f32,
 }
@@ -57,8 +56,8 @@ impl Upload {
         let values = gpu.texture_3d("values", Category::Volume, dims, format, usage)?;
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING;
         let gradients = gpu.texture_3d("gradients", Category::Volume, dims, wgpu::TextureFormat::Rgba8Snorm, usage)?;
-        let brick_ranges = volume.brick_ranges(BRICK);
-        let resident = ResidentVolume { volume, values: Rc::new(values), gradients, brick_ranges, code_scale };
+        let contents = Arc::new(volume.bricks());
+        let resident = ResidentVolume { volume, values: Rc::new(values), gradients, contents, code_scale };
         Ok(Self { resident, texel_bytes, next_slice: 0, next_gradient_slice: 0, codes: Vec::new() })
     }
 

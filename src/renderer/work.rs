@@ -1,17 +1,17 @@
 //! The renderer: what is resident, the compiled passes, and the pieces that jobs share.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
-use std::rc::{Rc, Weak};
+use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use super::jobs::{AccessibilityJob, FrameJob, UploadJob};
-use super::occupancy::brick_distance;
+use super::occlusion::{Coverage, Occlusion, Wish};
 use super::request::{AccessibilityVolume, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency};
 use super::resident::ResidentVolume;
-use crate::ao::{Accessibility, AoBuild, AoCache, AoKey, AoSource, AoStages};
+use crate::ao::{Accessibility, AoBuild, AoStages, Pyramid};
 use crate::gpu::{Category, ComputeStage, Gpu, GpuError, GpuOptions, GpuTexture};
-use crate::scene::{AoMethod, Scene, TransferTable, opacity_table};
+use crate::scene::Scene;
 use crate::volume::{Volume, VolumeId};
 
 /// What one turn of a job came to.
@@ -30,10 +30,7 @@ pub struct Renderer {
     info: RendererInfo,
     pub(super) stages: Stages,
     volumes: BTreeMap<VolumeId, Rc<ResidentVolume>>,
-    ao_cache: AoCache,
-    /// Builds under way, owned by the jobs that wait for them: a build that nobody wants ends at once.
-    ao_builds: HashMap<AoKey, Weak<RefCell<AoBuild>>>,
-    ao_versions: u64,
+    pub(super) occlusion: Occlusion,
 }
 
 /// Compiled passes.
@@ -73,9 +70,7 @@ impl Renderer {
             info,
             stages,
             volumes: BTreeMap::new(),
-            ao_cache: AoCache::default(),
-            ao_builds: HashMap::new(),
-            ao_versions: 0,
+            occlusion: Occlusion::default(),
         })
     }
 
@@ -117,8 +112,7 @@ impl Renderer {
     /// Frees a volume and what was derived from it; unknown ids are fine.
     pub fn remove_volume(&mut self, id: &VolumeId) {
         self.volumes.remove(id);
-        self.ao_cache.forget_volume(id);
-        self.ao_builds.retain(|key, build| key.volume() != id && build.strong_count() > 0);
+        self.occlusion.forget_volume(id);
     }
 
     /// Draws one exact picture.
@@ -147,15 +141,44 @@ impl Renderer {
         }
     }
 
-    /// A build of a scene's ambient occlusion from nothing, past all caches, for measuring.
+    /// A build of a scene's ambient occlusion from nothing, past all that is kept, for measuring and for tests.
     /// The scene's method must not be `Off`.
     ///
     /// # Errors
     /// [`RenderError::UnknownVolume`], [`RenderError::DoesNotFit`].
-    pub fn fresh_ao_build(&self, scene: &Scene) -> Result<AoBuild, RenderError> {
+    pub fn fresh_ao_build(&self, scene: &Scene, coverage: Coverage) -> Result<AoBuild, RenderError> {
+        self.ao_update(scene, coverage, self.new_pyramid(scene)?)
+    }
+
+    /// An update of a pyramid of the scene's volume and structure, past all that is kept.
+    ///
+    /// # Errors
+    /// [`RenderError::UnknownVolume`], [`RenderError::DoesNotFit`].
+    pub fn ao_update(
+        &self,
+        scene: &Scene,
+        coverage: Coverage,
+        pyramid: Rc<RefCell<Pyramid>>,
+    ) -> Result<AoBuild, RenderError> {
         let resident = self.resident(&scene.volume)?;
-        let source = self.ao_source(&resident, scene);
-        Ok(AoBuild::new(&self.gpu, source, scene.ambient_occlusion)?)
+        Ok(Wish::new(&resident, scene, coverage).build(&self.gpu, &self.stages.ao, pyramid)?)
+    }
+
+    /// The samples of a finished result, x fastest, in [0, 1].
+    ///
+    /// # Errors
+    /// [`RenderError::Device`], [`RenderError::DoesNotFit`].
+    pub fn read_accessibility(&self, result: &Accessibility) -> Result<Vec<f32>, RenderError> {
+        Ok(super::jobs::read_accessibility(&self.gpu, &result.texture)?)
+    }
+
+    /// A pyramid of the scene's volume and structure that holds nothing yet, for measuring and for tests.
+    ///
+    /// # Errors
+    /// [`RenderError::UnknownVolume`], [`RenderError::DoesNotFit`].
+    pub fn new_pyramid(&self, scene: &Scene) -> Result<Rc<RefCell<Pyramid>>, RenderError> {
+        let resident = self.resident(&scene.volume)?;
+        Ok(Wish::new(&resident, scene, Coverage::Visible).new_pyramid(&self.gpu)?)
     }
 
     /// The device and the passes that a build is advanced with.
@@ -173,74 +196,12 @@ impl Renderer {
         self.volumes.get(id).cloned().ok_or_else(|| RenderError::UnknownVolume(id.clone()))
     }
 
-    /// The finished accessibility volume of a scene, or the build to advance.
-    pub(super) fn ao(&mut self, resident: &ResidentVolume, scene: &Scene) -> Result<Ao, RenderError> {
-        if scene.ambient_occlusion.method == AoMethod::Off {
-            return Ok(Ao::Off);
-        }
-        let key = AoKey::new(&scene.volume, &Self::ao_opacity_table(resident, scene), &scene.ambient_occlusion);
-        if let Some(accessibility) = self.ao_cache.get(&key) {
-            return Ok(Ao::Ready(accessibility));
-        }
-        let under_way = self.ao_builds.get(&key).and_then(Weak::upgrade);
-        if let Some(build) = under_way.filter(|build| !build.borrow().has_failed()) {
-            return Ok(Ao::Building(key, build));
-        }
-        let source = self.ao_source(resident, scene);
-        let build = loop {
-            let build = AoBuild::new(&self.gpu, source.clone(), scene.ambient_occlusion);
-            match self.with_resident(build) {
-                Err(error) if self.make_room(&error) => {}
-                result => break result?,
-            }
-        };
-        let build = Rc::new(RefCell::new(build));
-        self.ao_builds.retain(|_, b| b.strong_count() > 0);
-        self.ao_builds.insert(key.clone(), Rc::downgrade(&build));
-        Ok(Ao::Building(key, build))
-    }
-
-    /// What is at hand for a scene without computing anything, and whether it is what the scene asks for.
-    pub(super) fn ao_at_hand(&mut self, resident: &ResidentVolume, scene: &Scene) -> (Option<Rc<Accessibility>>, bool) {
-        let table = Self::ao_opacity_table(resident, scene);
-        let key = AoKey::new(&scene.volume, &table, &scene.ambient_occlusion);
-        match self.ao_cache.get(&key) {
-            Some(exact) => (Some(exact), true),
-            None => (self.ao_cache.latest_of(&scene.volume), false),
-        }
-    }
-
-    fn ao_opacity_table(resident: &ResidentVolume, scene: &Scene) -> Vec<u16> {
-        let volume = &resident.volume;
-        opacity_table(&scene.transfer_function, &volume.code_map, volume.grid.smallest_spacing())
-    }
-
-    /// Takes the result of a finished build; any job that waits for it may be the first to come.
-    pub(super) fn finish_ao(
-        &mut self,
-        key: &AoKey,
-        build: &RefCell<AoBuild>,
-    ) -> Result<Option<Rc<Accessibility>>, RenderError> {
-        if let Some(accessibility) = self.ao_cache.get(key) {
-            return Ok(Some(accessibility));
-        }
-        self.ao_builds.remove(key);
-        let finished = build.borrow_mut().finish(&self.gpu, self.ao_versions + 1);
-        let Some(accessibility) = self.with_resident(finished)?.map(Rc::new) else { return Ok(None) };
-        self.ao_versions += 1;
-        // A volume that was removed meanwhile has no further use for it.
-        if self.volumes.contains_key(key.volume()) {
-            self.ao_cache.insert(key.clone(), accessibility.clone());
-        }
-        Ok(Some(accessibility))
-    }
-
-    /// Drops a cached result so that what failed can be tried again; false where that would not help.
+    /// Drops what can be computed again so that what failed can be tried again; false where that would not help.
     pub(super) fn make_room(&mut self, error: &RenderError) -> bool {
         let RenderError::DoesNotFit { needed_bytes, .. } = error else { return false };
         let budget = &self.gpu.budget;
-        let without_cache = budget.used_bytes() - budget.used_by(Category::AoCache);
-        without_cache.saturating_add(*needed_bytes) <= budget.limit_bytes() && self.ao_cache.evict_one()
+        let kept = budget.used_bytes().saturating_sub(self.occlusion.evictable_bytes());
+        kept.saturating_add(*needed_bytes) <= budget.limit_bytes() && self.occlusion.evict_one()
     }
 
     /// Adds what is resident to an out-of-memory error.
@@ -255,43 +216,6 @@ impl Renderer {
         error
     }
 
-    pub(super) fn transfer_table(resident: &ResidentVolume, scene: &Scene) -> TransferTable {
-        let grid = &resident.volume.grid;
-        let step = super::raycast::step_length(scene, grid);
-        TransferTable::new(&scene.transfer_function, &resident.volume.code_map, step, grid.smallest_spacing())
-    }
-
-    pub(super) fn occupancy(resident: &ResidentVolume, table: &TransferTable) -> Vec<u8> {
-        let ranges = &resident.brick_ranges;
-        brick_distance(ranges.dims, |brick| {
-            let [low, high] = ranges.ranges[brick];
-            table.any_visible(low, high)
-        })
-    }
-
-    fn ao_source(&self, resident: &ResidentVolume, scene: &Scene) -> AoSource {
-        let volume = &resident.volume;
-        let brick_distance = match scene.ambient_occlusion.method {
-            AoMethod::Raytraced => Self::occupancy(resident, &Self::transfer_table(resident, scene)),
-            AoMethod::Off | AoMethod::Spao => Vec::new(),
-        };
-        AoSource {
-            values: resident.values.clone(),
-            code_scale: resident.code_scale,
-            max_code: volume.code_map.max_code,
-            opacity_table: Rc::new(Self::ao_opacity_table(resident, scene)),
-            brick_distance: Rc::new(brick_distance),
-            bricks: resident.brick_ranges.dims,
-        }
-    }
-}
-
-/// Ambient occlusion of a picture.
-#[derive(Debug)]
-pub(super) enum Ao {
-    Off,
-    Ready(Rc<Accessibility>),
-    Building(AoKey, Rc<RefCell<AoBuild>>),
 }
 
 impl RaycastStages {

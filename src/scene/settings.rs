@@ -69,6 +69,17 @@ pub struct AmbientOcclusion {
     pub color_bleeding: f64,
 }
 
+impl AmbientOcclusion {
+    /// Levels that are made by halving: m of METHODS 2.
+    pub fn halved_levels(&self) -> u32 {
+        match self.structure {
+            AoStructure::NBuffer => 0,
+            AoStructure::Mipmap => self.levels,
+            AoStructure::Hybrid => self.mip_levels,
+        }
+    }
+}
+
 /// Blinn-Phong terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lighting {

@@ -1,35 +1,83 @@
-//! Which codes can occur in a brick of voxels: what a ray caster needs in order to skip empty space.
+//! What occurs in every brick of voxels: what a ray caster needs in order to skip empty space, and ambient occlusion
+//! in order to know what an edit of the transfer function touches.
 
 use rayon::prelude::*;
 
 use super::sample::{Sample, with_voxels};
 use super::{CodeMap, Volume};
 
-/// Lowest and highest code of every brick, x fastest.
+/// Edge of a brick, in voxels.
+pub const BRICK: u32 = 8;
+
+/// Voxels on every side of a brick that look-ups made while drawing it may reach: a sample's neighbours, a step to
+/// where its accessibility is taken, and the neighbours of that.
+const WIDE_APRON: usize = 3;
+
+/// Codes are told apart in this many buckets.
+const BUCKETS: u32 = 256;
+
+/// A set of codes, by bucket.
+pub type CodeSet = [u64; (BUCKETS / 64) as usize];
+
+/// Contents of every brick, x fastest.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BrickRanges {
+pub struct Bricks {
     /// Number of bricks along each axis; the last ones may stick out of the volume.
     pub dims: [u32; 3],
-    /// `[lowest, highest]` code, inclusive.
+    /// Lowest and highest code, both inclusive, of a brick with one voxel more on every side, as far as the volume
+    /// goes: trilinear interpolation at any position inside a brick reads no code outside its range.
     pub ranges: Vec<[u16; 2]>,
+    /// The same with three voxels more.
+    pub wide_ranges: Vec<[u16; 2]>,
+    /// Codes that occur in a brick itself.
+    pub codes: Vec<CodeSet>,
+    /// A code's bucket is `code >> bucket_shift`.
+    pub bucket_shift: u32,
+}
+
+impl Bricks {
+    /// The buckets of the codes that fulfil `holds`, among `count` codes from 0.
+    pub fn code_set(&self, count: usize, holds: impl Fn(usize) -> bool) -> CodeSet {
+        let mut set = CodeSet::default();
+        for code in (0..count).filter(|&code| holds(code)) {
+            insert(&mut set, code >> self.bucket_shift);
+        }
+        set
+    }
+
+    /// Whether a code of the set's buckets may occur in a brick.
+    pub fn any_of(&self, brick: usize, set: &CodeSet) -> bool {
+        self.codes[brick].iter().zip(set).any(|(mine, theirs)| mine & theirs != 0)
+    }
+}
+
+fn insert(set: &mut CodeSet, bucket: usize) {
+    set[bucket / 64] |= 1 << (bucket % 64);
 }
 
 impl Volume {
-    /// Code ranges of bricks of `brick`³ voxels (0 counts as 1), each with one voxel more on every side, as far as
-    /// the volume goes: trilinear interpolation at any position inside a brick reads no code outside its range.
-    pub fn brick_ranges(&self, brick: u32) -> BrickRanges {
-        let brick = brick.max(1);
-        let dims = self.grid.dims.map(|n| n.div_ceil(brick));
+    /// The contents of all bricks.
+    pub fn bricks(&self) -> Bricks {
+        let dims = self.grid.dims.map(|n| n.div_ceil(BRICK));
         let [bx, by, bz] = dims.map(|n| n as usize);
-        let ranges = with_voxels!(&self.voxels, v => {
+        let bucket_shift = (u32::from(self.code_map.max_code) / BUCKETS + 1).next_power_of_two().trailing_zeros();
+        let contents: Vec<_> = with_voxels!(&self.voxels, v => {
             let field = Field { dims: self.grid.dims.map(|n| n as usize), values: v, map: &self.code_map };
-            let brick = brick as usize;
             (0..bx * by * bz)
                 .into_par_iter()
-                .map(|b| field.range([b % bx, b / bx % by, b / bx / by].map(|i| i * brick), brick))
+                .map(|b| {
+                    let first = [b % bx, b / bx % by, b / bx / by].map(|i| i * BRICK as usize);
+                    (field.range(first, 1), field.range(first, WIDE_APRON), field.codes(first, bucket_shift))
+                })
                 .collect()
         });
-        BrickRanges { dims, ranges }
+        let (mut ranges, mut wide_ranges, mut codes) = (Vec::new(), Vec::new(), Vec::new());
+        for (range, wide_range, set) in contents {
+            ranges.push(range);
+            wide_ranges.push(wide_range);
+            codes.push(set);
+        }
+        Bricks { dims, ranges, wide_ranges, codes, bucket_shift }
     }
 }
 
@@ -40,21 +88,32 @@ struct Field<'a, T> {
 }
 
 impl<T: Sample> Field<'_, T> {
-    /// Codes grow with values, so the ends of the range of values give the ends of the range of codes.
-    fn range(&self, first: [usize; 3], brick: usize) -> [u16; 2] {
+    /// Rows of values of a brick with `apron` voxels more on every side.
+    fn rows(&self, first: [usize; 3], apron: usize) -> impl Iterator<Item = &[T]> {
         let [x, y, z]: [_; 3] = std::array::from_fn(|a| {
-            first[a].saturating_sub(1)..first[a].saturating_add(brick).saturating_add(1).min(self.dims[a])
+            first[a].saturating_sub(apron)..(first[a] + BRICK as usize + apron).min(self.dims[a])
         });
+        z.flat_map(move |k| y.clone().map(move |j| (k * self.dims[1] + j) * self.dims[0]))
+            .map(move |row| &self.values[row + x.start..row + x.end])
+    }
+
+    /// Codes grow with values, so the ends of the range of values give the ends of the range of codes.
+    fn range(&self, first: [usize; 3], apron: usize) -> [u16; 2] {
         let (mut lowest, mut highest) = (u16::MAX, 0);
-        for k in z {
-            for j in y.clone() {
-                let row = (k * self.dims[1] + j) * self.dims[0];
-                let (lo, hi) = self.row_range(&self.values[row + x.start..row + x.end]);
-                lowest = lowest.min(lo);
-                highest = highest.max(hi);
-            }
+        for row in self.rows(first, apron) {
+            let (lo, hi) = self.row_range(row);
+            lowest = lowest.min(lo);
+            highest = highest.max(hi);
         }
         [lowest, highest]
+    }
+
+    fn codes(&self, first: [usize; 3], bucket_shift: u32) -> CodeSet {
+        let mut set = CodeSet::default();
+        for value in self.rows(first, 0).flatten() {
+            insert(&mut set, usize::from(self.map.code_from_value(value.to_f64()) >> bucket_shift));
+        }
+        set
     }
 
     fn row_range(&self, row: &[T]) -> (u16, u16) {

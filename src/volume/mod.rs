@@ -19,7 +19,7 @@ mod sample;
 mod voxels;
 
 pub use about::About;
-pub use bricks::BrickRanges;
+pub use bricks::{BRICK, Bricks, CodeSet};
 pub use code_map::CodeMap;
 pub use error::VolumeError;
 pub use format::Format;

@@ -150,6 +150,7 @@ fn ao_json(ao: &AoReport) -> Value {
         "update": match ao.update {
             AoUpdate::Off => "none",
             AoUpdate::Cached => "cached",
+            AoUpdate::Incremental => "incremental",
             AoUpdate::Full => "full",
         },
         "bricks": ao.bricks,
