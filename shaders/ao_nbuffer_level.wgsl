@@ -27,29 +27,6 @@ override SUBSAMPLED: bool = false;
 @group(0) @binding(3) var<storage, read> list: array<u32>;
 @group(0) @binding(4) var<storage, read_write> changed: array<u32>;
 
-// Both cells of the source that lie where the target's word does, apart, so that sums have room.
-fn source_cells(word: i32, row: i32, slice: i32) -> vec2<u32> {
-    var at = vec3<i32>(word, row, slice);
-    if SUBSAMPLED {
-        // x: the word that holds the first of the two cells; the second is in the same half of the next word.
-        at = vec3<i32>(2 * word + (params.near >> 1u), 2 * row + params.near, 2 * slice + params.near);
-    }
-    let extent = params.source.extent;
-    let words = (extent.x + 1u) / 2u;
-    // Negative indices wrap to large ones.
-    let inside = u32(at.y) < extent.y && u32(at.z) < extent.z;
-    let start = (u32(at.z) - params.source.first_slice) * params.source.slice_words + u32(at.y) * params.source.row_words;
-    let first_inside = inside && u32(at.x) < words;
-    let found = select(0u, source[select(0u, start + u32(at.x), first_inside)], first_inside);
-    if SUBSAMPLED {
-        let second_inside = inside && u32(at.x + 1) < words;
-        let second = select(0u, source[select(0u, start + u32(at.x + 1), second_inside)], second_inside);
-        let half = (u32(params.near) & 1u) * 16u;
-        return vec2<u32>((found >> half) & 0xffffu, (second >> half) & 0xffffu);
-    }
-    return vec2<u32>(low_half(found), high_half(found));
-}
-
 // Sums of both windows along x that a target word needs, from the words half a width apart.
 fn pair(far: vec2<u32>, near: vec2<u32>) -> vec2<u32> {
     if SHIFT_BY_HALF_WORD {
@@ -58,11 +35,36 @@ fn pair(far: vec2<u32>, near: vec2<u32>) -> vec2<u32> {
     return far + near;
 }
 
+// Where in the source the cells of the target lie. The rim is zero: what lies beyond it is read from it.
+fn source_words(words: vec3<i32>) -> vec3<u32> {
+    let last = i32((params.source.extent.x + 1u) / 2u) - 1;
+    if SUBSAMPLED {
+        // The word that holds the first of the two cells; the second is in the same half of the next word.
+        return vec3<u32>(clamp(2 * words + vec3<i32>(params.near >> 1u), vec3<i32>(0), vec3<i32>(last)));
+    }
+    return vec3<u32>(clamp(words, vec3<i32>(0), vec3<i32>(last)));
+}
+
+fn source_rows(rows: vec3<i32>, extent: u32) -> vec3<u32> {
+    let at = select(rows, 2 * rows + vec3<i32>(params.near), SUBSAMPLED);
+    return vec3<u32>(clamp(at, vec3<i32>(0), vec3<i32>(i32(extent) - 1)));
+}
+
+// Both cells of the source that lie where the target's word does, apart, so that sums have room.
+fn source_cells(at: u32) -> vec2<u32> {
+    let found = source[at];
+    if SUBSAMPLED {
+        let half = (u32(params.near) & 1u) * 16u;
+        return vec2<u32>((found >> half) & 0xffffu, (source[at + 1u] >> half) & 0xffffu);
+    }
+    return vec2<u32>(low_half(found), high_half(found));
+}
+
 // Sums along x for two target words: xy and zw.
-fn row_sums(word: i32, stride: i32, row: i32, slice: i32) -> vec4<u32> {
-    let before = source_cells(word - stride, row, slice);
-    let first = source_cells(word, row, slice);
-    let second = source_cells(word + stride, row, slice);
+fn row_sums(words: vec3<u32>, start: u32) -> vec4<u32> {
+    let before = source_cells(start + words.x);
+    let first = source_cells(start + words.y);
+    let second = source_cells(start + words.z);
     return vec4<u32>(pair(before, first), pair(first, second));
 }
 
@@ -72,10 +74,10 @@ struct Plane {
     second_row: vec4<u32>,
 }
 
-fn plane(word: i32, stride: i32, row: i32, shift: i32, slice: i32) -> Plane {
-    let before = row_sums(word, stride, row - shift, slice);
-    let first = row_sums(word, stride, row, slice);
-    let second = row_sums(word, stride, row + shift, slice);
+fn plane(words: vec3<u32>, rows: vec3<u32>, start: u32) -> Plane {
+    let before = row_sums(words, start + rows.x);
+    let first = row_sums(words, start + rows.y);
+    let second = row_sums(words, start + rows.z);
     return Plane(before + first, first + second);
 }
 
@@ -91,6 +93,17 @@ fn put(word: u32, row: u32, slice: u32, value: u32) -> bool {
     }
     target_level[at] = value;
     return true;
+}
+
+// Two words of two rows of a slice; true if any of them differs from what was there.
+fn put_plane(at: vec3<u32>, shift: vec2<u32>, far: Plane, near: Plane, keep: u32) -> bool {
+    let first_row = far.first_row + near.first_row;
+    let second_row = far.second_row + near.second_row;
+    let a = put(at.x, at.y, at.z, pack_means(first_row.xy) & keep);
+    let b = put(at.x + shift.x, at.y, at.z, pack_means(first_row.zw) & keep);
+    let c = put(at.x, at.y + shift.y, at.z, pack_means(second_row.xy) & keep);
+    let d = put(at.x + shift.x, at.y + shift.y, at.z, pack_means(second_row.zw) & keep);
+    return a || b || c || d;
 }
 
 @compute @workgroup_size(8, 4, 4)
@@ -110,26 +123,17 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
     let low = within & ((vec3<u32>(1u) << logs) - vec3<u32>(1u));
     let first = tile_at(tile, params.tiles) << vec3<u32>(5u, params.rows_log2, params.rows_log2);
     let at = vec3<u32>(first.x >> 1u, first.yz) + ((within >> logs) << (logs + vec3<u32>(1u))) + low;
-    let word = i32(at.x);
-    let row = i32(at.y);
-    let step = i32(shift);
+    let shifts = vec3<i32>(-1, 0, 1);
+    let words = source_words(vec3<i32>(i32(at.x)) + i32(stride) * shifts);
+    let rows = source_rows(vec3<i32>(i32(at.y)) + i32(shift) * shifts, params.source.extent.y) * params.source.row_words;
+    let slices = (source_rows(vec3<i32>(i32(at.z)) + i32(shift) * shifts, params.source.extent.z)
+        - vec3<u32>(params.source.first_slice)) * params.source.slice_words;
     let keep = select(0xffffffffu, 0u, (entry & CLEAR) != 0u);
-    var far = plane(word, i32(stride), row, step, i32(at.z) - step);
-    var differs = false;
-#repeat K 0..=1
-    {
-        let slice = at.z + @K@u * shift;
-        let near = plane(word, i32(stride), row, step, i32(slice));
-        let first_row = far.first_row + near.first_row;
-        let second_row = far.second_row + near.second_row;
-        let a = put(at.x, at.y, slice, pack_means(first_row.xy) & keep);
-        let b = put(at.x + stride, at.y, slice, pack_means(first_row.zw) & keep);
-        let c = put(at.x, at.y + shift, slice, pack_means(second_row.xy) & keep);
-        let d = put(at.x + stride, at.y + shift, slice, pack_means(second_row.zw) & keep);
-        differs = differs || a || b || c || d;
-        far = near;
-    }
-#end
+    let before = plane(words, rows, slices.x);
+    let middle = plane(words, rows, slices.y);
+    let after = plane(words, rows, slices.z);
+    var differs = put_plane(at, vec2<u32>(stride, shift), before, middle, keep);
+    differs = put_plane(at + vec3<u32>(0u, 0u, shift), vec2<u32>(stride, shift), middle, after, keep) || differs;
     if differs {
         changed[params.first_flag + tile] = 1u;
     }

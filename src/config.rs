@@ -238,6 +238,8 @@ pub struct HealthcheckArgs {
 pub enum BenchCommand {
     /// Ambient-occlusion passes, as in the papers' tables.
     Ao(BenchAoArgs),
+    /// Edits of a transfer function, beside builds from nothing.
+    Edit(BenchEditArgs),
 }
 
 /// Arguments of `bench ao`.
@@ -252,6 +254,23 @@ pub struct BenchAoArgs {
     /// Runs of each row, the median of which is reported.
     #[arg(long, default_value = "5", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub runs: u32,
+    /// Adapter and memory.
+    #[command(flatten)]
+    pub gpu: GpuArgs,
+}
+
+/// Arguments of `bench edit`.
+#[derive(Args, Clone, Debug)]
+pub struct BenchEditArgs {
+    /// Volume to measure, in Hounsfield units: a file.
+    #[arg(long, value_name = "VOLUME", default_value = "data/visible-human-head.nrrd")]
+    pub volume: String,
+    /// Transfer function that is edited: a preset for CT.
+    #[arg(long, value_name = "PRESET", default_value = "ct_skin_bone")]
+    pub preset: String,
+    /// Rounds of each row, the median of which is reported.
+    #[arg(long, default_value = "5", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub rounds: u32,
     /// Adapter and memory.
     #[command(flatten)]
     pub gpu: GpuArgs,

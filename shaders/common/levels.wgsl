@@ -1,5 +1,5 @@
-// One level of box means, packed 2 x u16 (65535 = 1.0) to a word, x fastest. Cells 0 and extent - 1 are zero on
-// every axis, so that a clamped look-up outside the volume finds 0. Twin: ao/levels.rs.
+// One level of box means, packed 2 x u16 (65535 = 1.0) to a word, x fastest. The first and the last two cells
+// along every axis are zero, so that a clamped look-up outside the volume finds 0. Twin: ao/levels.rs.
 struct LevelInfo {
     extent: vec3<u32>,     // cells stored along x, y, z
     row_words: u32,        // words between rows

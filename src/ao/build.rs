@@ -1,6 +1,6 @@
 //! Computing one accessibility volume, slice of time by slice of time.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
@@ -49,7 +49,7 @@ impl AoSource {
     }
 
     /// Normalised value per stored value.
-    pub(super) fn normalise(&self) -> f32 {
+    pub fn normalise(&self) -> f32 {
         if self.max_code == 0 { 0.0 } else { self.code_scale / f32::from(self.max_code) }
     }
 }
@@ -108,6 +108,8 @@ pub struct AoBuild {
     pub(super) candidates: GpuBuffer,
     /// Workgroups of every step, by its number: counted on the GPU.
     pub(super) dispatches: GpuBuffer,
+    /// First layer of the slab that the windows hold.
+    pub(super) windows_hold: Cell<Option<u32>>,
     steps: VecDeque<(u32, Step)>,
     all_steps: Vec<Step>,
     finished: Option<(Rc<Accessibility>, AoWork)>,
@@ -193,6 +195,7 @@ impl AoBuild {
             base,
             candidates,
             dispatches,
+            windows_hold: Cell::new(None),
             steps: (0..).zip(steps.clone()).collect(),
             all_steps: steps,
             finished: None,

@@ -1,8 +1,8 @@
 //! Where the cells of every level of box means lie. One description serves all three structures of METHODS 2.
 //!
 //! Level l is a grid whose cells are `2^shift` voxels wide, with windows of `width` cells. Stored cell c is the mean
-//! over grid cells [c - origin, c - origin + width): cells 0 and `extent - 1` lie wholly outside the volume and
-//! are zero, and M at index-space position x is the trilinear interpolation at
+//! over grid cells [c - origin, c - origin + width): cells 0, 1 and the last two lie wholly outside the volume and are
+//! zero, and M at index-space position x is the trilinear interpolation at
 //! `x / 2^shift + origin - width / 2`, exactly where windows begin at every voxel (METHODS 1).
 
 use super::params::LevelInfo;
@@ -75,8 +75,9 @@ impl LevelLayout {
     /// Windows of twice the width in voxels, beginning at every second cell.
     fn halved(&self, dims: [u32; 3]) -> Self {
         let distance = self.width;
-        // Even, so that a mean of neighbours is one of the two halves of a word.
-        let origin = (self.origin + distance).div_ceil(2).next_multiple_of(2);
+        // Even, so that a mean of neighbours is one of the two halves of a word; and more than the window, so that
+        // the first cells are zero.
+        let origin = ((self.origin + distance).div_ceil(2) + 2).next_multiple_of(2);
         let source = LevelSource { scale: 2, offset: self.origin as i32 - 2 * origin as i32, distance };
         Self::new(dims, self.shift + 1, distance, origin, TILE_HEIGHT.max(distance), Some(source))
     }
@@ -89,7 +90,8 @@ impl LevelLayout {
         height: u32,
         source: Option<LevelSource>,
     ) -> Self {
-        let extent = dims.map(|n| n.div_ceil(1 << shift) + origin + 1);
+        // Two cells of rim: the last word of a row has no other.
+        let extent = dims.map(|n| n.div_ceil(1 << shift) + origin + 2);
         let row_words = extent[0].div_ceil(2).next_multiple_of(ROW_ALIGNMENT_WORDS);
         // One row more than stored: a look-up at the last cell also touches its neighbour.
         let slice_words = row_words * (extent[1] + 1);

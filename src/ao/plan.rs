@@ -20,7 +20,7 @@ const MOST_WORKGROUPS: u64 = 65_535;
 const SAMPLE_COST: u64 = 8;
 
 /// Bytes of the textures that hold the slices of all levels around some samples.
-const WINDOW_BYTES: u64 = 192 << 20;
+const WINDOW_BYTES: u64 = 320 << 20;
 
 /// Where the layers of tiles that one step covers lie, and which entries of the work lists are in them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,7 +115,9 @@ impl Cuts<'_> {
     pub fn combined_layers(&self) -> Option<u32> {
         let layers = self.dims[2].div_ceil(BRICK);
         let samples = u64::from(self.dims[0]) * u64::from(self.dims[1]) * u64::from(BRICK);
-        let wished = u32::try_from(2 * STEP_SAMPLES / samples).unwrap_or(u32::MAX).clamp(1, layers);
+        // Textures that hold whole levels are written once, whatever the size of a step.
+        let wished = if self.sampled { layers } else { u32::try_from(2 * STEP_SAMPLES / samples).unwrap_or(u32::MAX) };
+        let wished = wished.clamp(1, layers);
         // Halving, so that a thickness that fits is found wherever one layer does.
         let mut thickness = Some(wished);
         while let Some(layers) = thickness {
@@ -128,7 +130,7 @@ impl Cuts<'_> {
     }
 
     fn fits_at_all(&self) -> bool {
-        self.sampled && self.sample_bytes(BRICK) <= self.largest_binding
+        self.sampled
     }
 
     fn combine_fits(&self, layers: u32) -> bool {
@@ -142,7 +144,14 @@ impl Cuts<'_> {
             let bytes = |(layout, slices): (&LevelLayout, u32)| layout.slice_bytes() * u64::from(slices);
             self.layouts.iter().zip(windows).all(|window| bytes(window) <= self.largest_binding)
         };
-        fits && self.sample_bytes(BRICK * layers) <= self.largest_binding
+        fits && (self.sampled || self.sample_bytes(BRICK * layers) <= self.largest_binding)
+    }
+
+    /// The slab of layers of bricks that is combined from one set of windows, of those that `layers` are in.
+    pub fn slab(&self, layers: &Range<u32>) -> Option<Range<u32>> {
+        let thickness = self.combined_layers()?;
+        let start = layers.start / thickness * thickness;
+        Some(start..(start + thickness).min(self.dims[2].div_ceil(BRICK)))
     }
 
     /// Most slices of a level that combining `layers` layers of bricks looks up.

@@ -129,6 +129,14 @@ impl Pyramid {
         })
     }
 
+    /// Makes the next update a build of everything, with the memory that is there.
+    pub fn forget(&mut self) {
+        for (pending, active) in self.pending.iter_mut().zip(&self.active) {
+            pending.insert_all(active);
+        }
+        self.result = None;
+    }
+
     /// True once a step of an update has failed: what the levels hold is not known then.
     pub fn is_broken(&self) -> bool {
         self.broken
@@ -169,7 +177,10 @@ impl Pyramid {
         let cuts = self.cuts(gpu, true, settings);
         let Some(layers) = cuts.combined_layers() else { return Ok(()) };
         let depths = (0..self.layouts.len()).map(|level| cuts.window_slices(level, layers));
-        let dims: Vec<_> = self.layouts.iter().zip(depths).map(|(l, z)| [l.extent[0], l.extent[1], z]).collect();
+        let mut dims: Vec<_> = self.layouts.iter().zip(depths).map(|(l, z)| [l.extent[0], l.extent[1], z]).collect();
+        if layers == self.dims[2].div_ceil(BRICK) {
+            dims = self.layouts.iter().map(|l| l.extent).collect();
+        }
         if self.windows.iter().map(GpuTexture::dims).ne(dims.iter().copied()) {
             self.windows.clear();
             let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
@@ -178,6 +189,11 @@ impl Pyramid {
             self.windows = dims.iter().map(window).collect::<Result<_, _>>()?;
         }
         Ok(())
+    }
+
+    /// The windows hold whole levels: they are written as levels are, and never again.
+    pub(super) fn is_mirrored(&self) -> bool {
+        !self.windows.is_empty() && self.windows.iter().zip(&self.layouts).all(|(w, l)| w.dims() == l.extent)
     }
 
     /// Begins an update to `source` and `settings` with accessibility in the bricks `wanted`.

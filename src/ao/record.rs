@@ -36,7 +36,12 @@ impl AoBuild {
             Step::Level { level, layers, candidates } => {
                 let level = *level as usize;
                 self.record_collect(gpu, stages, recorder, pyramid, (number, level, candidates))?;
-                self.record_level(gpu, stages, recorder, pyramid, (number, level, layers))
+                self.record_level(gpu, stages, recorder, pyramid, (number, level, layers))?;
+                if pyramid.is_mirrored() {
+                    let slices = pyramid.layouts[level].slices_of(layers);
+                    copy_window(recorder, pyramid, level, slices.clone(), slices.start);
+                }
+                Ok(())
             }
             Step::Combine { layers, candidates } => {
                 self.record_collect_bricks(gpu, stages, recorder, pyramid, (number, candidates))?;
@@ -209,6 +214,8 @@ impl AoBuild {
         let cuts = pyramid.cuts(gpu, stages.sampled, &self.settings);
         let mut levels: [LevelInfo; MAX_LEVELS] = [bytemuck::Zeroable::zeroed(); MAX_LEVELS];
         let mut inverse_sizes = [[0.0; 4]; MAX_LEVELS];
+        let slab = cuts.slab(layers).unwrap_or_else(|| layers.clone());
+        let fresh_windows = !pyramid.is_mirrored() && self.windows_hold.replace(Some(slab.start)) != Some(slab.start);
         let mut bindings = vec![
             (1, Binding::Texture(&self.source.values.view)),
             (3, Binding::Buffer(&pyramid.list.raw)),
@@ -221,19 +228,21 @@ impl AoBuild {
             }
         }
         for (binding, (level, layout)) in (10..).zip(pyramid.layouts.iter().enumerate()) {
-            let slices = cuts.window(level, layers);
+            let slices = if pyramid.is_mirrored() { 0..layout.extent[2] } else { cuts.window(level, &slab) };
             levels[level] = layout.info(slices.start);
             if stages.sampled {
                 let texture = &pyramid.windows[level];
                 let [x, y, z] = texture.dims().map(|n| 1.0 / n as f32);
                 inverse_sizes[level] = [x, y, z, 0.0];
-                copy_window(recorder, pyramid, level, slices);
+                if fresh_windows {
+                    copy_window(recorder, pyramid, level, slices, 0);
+                }
                 bindings.push((binding, Binding::Texture(&texture.view)));
             } else {
                 bindings.push((binding, window(pyramid, level, slices)));
             }
         }
-        let slices = layers.start * BRICK..(layers.end * BRICK).min(self.dims[2]);
+        let slices = slab.start * BRICK..(slab.end * BRICK).min(self.dims[2]);
         let params = SpaoParams {
             levels,
             inverse_sizes,
@@ -292,8 +301,8 @@ fn window(pyramid: &Pyramid, level: usize, slices: Range<u32>) -> Binding<'_> {
     Binding::Slice(&pyramid.levels[level].raw, u64::from(slices.start) * bytes, slices.len() as u64 * bytes)
 }
 
-/// Copies slices of a level to where the texture unit can read them.
-fn copy_window(recorder: &mut Recorder, pyramid: &Pyramid, level: usize, slices: Range<u32>) {
+/// Copies slices of a level to where the texture unit can read them, from slice `to` on.
+fn copy_window(recorder: &mut Recorder, pyramid: &Pyramid, level: usize, slices: Range<u32>, to: u32) {
     let layout = &pyramid.layouts[level];
     let [width, height, _] = layout.extent;
     let from = wgpu::TexelCopyBufferLayout {
@@ -303,7 +312,10 @@ fn copy_window(recorder: &mut Recorder, pyramid: &Pyramid, level: usize, slices:
     };
     recorder.encoder.copy_buffer_to_texture(
         wgpu::TexelCopyBufferInfo { buffer: &pyramid.levels[level].raw, layout: from },
-        pyramid.windows[level].raw.as_image_copy(),
+        wgpu::TexelCopyTextureInfo {
+            origin: wgpu::Origin3d { x: 0, y: 0, z: to },
+            ..pyramid.windows[level].raw.as_image_copy()
+        },
         wgpu::Extent3d { width, height, depth_or_array_layers: slices.len() as u32 },
     );
 }

@@ -2,6 +2,10 @@
 
 mod ao;
 mod copy;
+mod edit;
+mod plain;
+
+pub use plain::{PlainClassifyParams, PlainGatherParams, PlainLevelParams};
 
 use std::io::Write;
 
@@ -14,5 +18,6 @@ use crate::config::BenchCommand;
 pub fn run(command: &BenchCommand, out: &mut dyn Write) -> anyhow::Result<()> {
     match command {
         BenchCommand::Ao(args) => ao::run(args, out),
+        BenchCommand::Edit(args) => edit::run(args, out),
     }
 }

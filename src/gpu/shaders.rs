@@ -35,6 +35,9 @@ const SOURCES: &[(&str, &str)] = sources![
     "ao_raytraced",
     "ao_spao",
     "ao_surface",
+    "bench_plain_classify",
+    "bench_plain_gather",
+    "bench_plain_level",
     "gradient",
     "raycast",
 ];

@@ -26,7 +26,7 @@ pub enum Coverage {
 #[derive(Debug)]
 pub(super) struct Wish {
     pub(super) key: AoKey,
-    source: AoSource,
+    pub(super) source: AoSource,
     settings: AmbientOcclusion,
     wanted: TileSet,
     /// Layer of bricks next to the camera.

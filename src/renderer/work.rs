@@ -9,7 +9,7 @@ use super::jobs::{AccessibilityJob, FrameJob, UploadJob};
 use super::occlusion::{Coverage, Occlusion, Wish};
 use super::request::{AccessibilityVolume, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency};
 use super::resident::ResidentVolume;
-use crate::ao::{Accessibility, AoBuild, AoStages, Pyramid};
+use crate::ao::{Accessibility, AoBuild, AoKey, AoSource, AoStages, Pyramid};
 use crate::gpu::{Category, ComputeStage, Gpu, GpuError, GpuOptions, GpuTexture};
 use crate::scene::Scene;
 use crate::volume::{Volume, VolumeId};
@@ -162,6 +162,22 @@ impl Renderer {
     ) -> Result<AoBuild, RenderError> {
         let resident = self.resident(&scene.volume)?;
         Ok(Wish::new(&resident, scene, coverage).build(&self.gpu, &self.stages.ao, pyramid)?)
+    }
+
+    /// What a build of the scene's ambient occlusion reads.
+    ///
+    /// # Errors
+    /// [`RenderError::UnknownVolume`].
+    pub fn ao_source(&self, scene: &Scene) -> Result<AoSource, RenderError> {
+        Ok(Wish::new(&*self.resident(&scene.volume)?, scene, Coverage::Visible).source)
+    }
+
+    /// What the scene's ambient occlusion is known by.
+    ///
+    /// # Errors
+    /// [`RenderError::UnknownVolume`].
+    pub fn ao_key(&self, scene: &Scene) -> Result<AoKey, RenderError> {
+        Ok(Wish::new(&*self.resident(&scene.volume)?, scene, Coverage::Visible).key)
     }
 
     /// The samples of a finished result, x fastest, in [0, 1].
