@@ -8,7 +8,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::volumes::NewVolume;
 use crate::error::ApiError;
-use crate::volume::format::{load_path, peek_path, read_bytes};
+use crate::volume::format::{bare_name, load_path, peek_path, read_bytes};
 use crate::volume::{Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
 
 /// Bins that a scene's defaults are derived from.
@@ -59,7 +59,9 @@ impl VolumeSource {
     pub fn default_name(&self) -> String {
         match self {
             Self::Upload { .. } => "upload".into(),
-            Self::Path { path, .. } => Path::new(path).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            Self::Path { path, .. } => {
+                bare_name(&Path::new(path).file_name().unwrap_or_default().to_string_lossy()).to_owned()
+            }
             Self::Procedural(spec) => json!(spec.kind).as_str().unwrap_or_default().into(),
         }
     }
@@ -68,7 +70,7 @@ impl VolumeSource {
     pub fn to_json(&self) -> Value {
         match self {
             Self::Upload { bytes, format, .. } => {
-                json!({ "upload": { "format": format_name(*format), "bytes": bytes.len() } })
+                json!({ "upload": { "format": format.name(), "bytes": bytes.len() } })
             }
             Self::Path { path, .. } => json!({ "path": path }),
             Self::Procedural(spec) => json!({ "procedural": spec }),
@@ -117,13 +119,6 @@ impl VolumeSource {
             source: self.to_json(),
             volume: Arc::new(volume),
         })
-    }
-}
-
-fn format_name(format: Format) -> &'static str {
-    match format {
-        Format::Nrrd => "nrrd",
-        Format::Raw => "raw",
     }
 }
 

@@ -8,8 +8,10 @@ mod code_map;
 mod codes;
 mod error;
 pub mod format;
+mod formats;
 mod grid;
 mod histogram;
+mod input;
 mod limits;
 pub mod nrrd;
 mod paths;
@@ -17,6 +19,7 @@ pub mod procedural;
 mod raw;
 mod sample;
 mod voxels;
+mod wrap;
 
 pub use about::About;
 pub use bricks::BrickRanges;

@@ -53,6 +53,8 @@ const FIELDS: &[&[&str]] = &[
 #[derive(Debug, Default)]
 pub(super) struct Fields {
     values: BTreeMap<&'static str, String>,
+    /// Fields and key/value pairs as they stand in the file.
+    pub(super) in_order: Vec<(String, String)>,
     /// Key/value pairs (`key:=value`).
     pub(super) metadata: BTreeMap<String, String>,
     /// Lines after `data file: LIST`.
@@ -102,6 +104,7 @@ impl Fields {
             return Err(VolumeError::malformed("header", format!("{} is not `field: value`", excerpt(line))));
         };
         if let Some(value) = rest.strip_prefix('=') {
+            self.in_order.push((name.to_owned(), value.to_owned()));
             self.metadata.insert(name.to_owned(), value.to_owned());
             return Ok(());
         }
@@ -109,6 +112,7 @@ impl Fields {
         let Some(spellings) = FIELDS.iter().find(|spellings| spellings.contains(&lower.as_str())) else {
             return Err(VolumeError::malformed("header", format!("{} is not a field of the format", excerpt(name))));
         };
+        self.in_order.push((spellings[0].to_owned(), rest.trim().to_owned()));
         if self.values.insert(spellings[0], rest.trim().to_owned()).is_some() {
             return Err(VolumeError::malformed(spellings[0], "given twice"));
         }
