@@ -13,6 +13,16 @@ use super::{Limits, RawSpec, Volume, VolumeError, VoxelType, paths};
 pub enum Format {
     /// NRRD, with the data attached or (by path) detached.
     Nrrd,
+    /// NIfTI-1 and NIfTI-2 in one file.
+    Nifti,
+    /// MetaImage, with the data local or (by path) in a file beside the header.
+    MetaImage,
+    /// A NumPy array.
+    Npy,
+    /// An archive with one NumPy array that is a volume.
+    Npz,
+    /// VTK's XML image data.
+    Vti,
     /// Voxels alone; a [`RawSpec`] says what they are.
     Raw,
 }

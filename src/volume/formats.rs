@@ -2,7 +2,7 @@
 
 use super::format::unknown;
 use super::input::Input;
-use super::{Format, Volume, VolumeError, VoxelType, nrrd, raw};
+use super::{Format, Volume, VolumeError, VoxelType, metaimage, nifti, npy, nrrd, raw, vti};
 
 /// A format that is read.
 pub(super) struct Row {
@@ -31,6 +31,51 @@ pub(super) const TABLE: &[Row] = &[
         magic: |head| head.starts_with(b"NRRD"),
         read: nrrd::read_input,
         peek: nrrd::peek_input,
+    },
+    Row {
+        format: Format::Nifti,
+        name: "nifti",
+        endings: &["nii", "hdr", "img"],
+        content_types: &["nii"],
+        magic: nifti::magic,
+        read: nifti::read_input,
+        peek: nifti::peek_input,
+    },
+    Row {
+        format: Format::MetaImage,
+        name: "metaimage",
+        endings: &["mha", "mhd"],
+        content_types: &["mha", "mhd"],
+        magic: metaimage::magic,
+        read: metaimage::read_input,
+        peek: metaimage::peek_input,
+    },
+    Row {
+        format: Format::Npy,
+        name: "npy",
+        endings: &["npy"],
+        content_types: &[],
+        magic: npy::magic,
+        read: npy::read_input,
+        peek: npy::peek_input,
+    },
+    Row {
+        format: Format::Npz,
+        name: "npz",
+        endings: &["npz"],
+        content_types: &[],
+        magic: npy::npz_magic,
+        read: npy::npz_read,
+        peek: npy::npz_peek,
+    },
+    Row {
+        format: Format::Vti,
+        name: "vti",
+        endings: &["vti"],
+        content_types: &["vtk-imagedata"],
+        magic: vti::magic,
+        read: vti::read_input,
+        peek: vti::peek_input,
     },
     Row {
         format: Format::Raw,

@@ -3,6 +3,7 @@
 //! Architecture Invariant: nothing here knows the GPU, tokio or HTTP.
 
 mod about;
+mod ascii;
 mod bricks;
 mod code_map;
 mod codes;
@@ -13,12 +14,18 @@ mod grid;
 mod histogram;
 mod input;
 mod limits;
+mod lines;
+mod metaimage;
+mod nifti;
+mod npy;
 pub mod nrrd;
 mod paths;
 pub mod procedural;
 mod raw;
 mod sample;
+mod scaled;
 mod voxels;
+mod vti;
 mod wrap;
 
 pub use about::About;

@@ -1,0 +1,62 @@
+//! Where a header says that the voxels are: sform, else qform, else no more than distances.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::header::Header;
+use crate::volume::{About, Grid, VolumeError};
+
+/// From right, anterior, superior to left, posterior, superior.
+const LPS_FROM_RAS: DVec3 = DVec3::new(-1.0, -1.0, 1.0);
+
+/// What nibabel forgives in the length of a quaternion of rounded numbers.
+const QUATERNION_TOLERANCE: f64 = 3.0 * f32::EPSILON as f64;
+
+/// The grid in patient space, in millimetres; an error names `srow`, `pixdim`, `quatern` or `qoffset`.
+pub(super) fn grid(header: &Header, about: &mut About) -> Result<Grid, VolumeError> {
+    let (field, steps, origin) = if header.sform_code != 0 {
+        let column = |i: usize| DVec3::from_array(header.srow.map(|row| row[i]));
+        ("srow", [column(0), column(1), column(2)], column(3))
+    } else if header.qform_code != 0 {
+        let turn = rotation(header.quaternion)?;
+        let lengths = distances(header, about)?;
+        let sign = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
+        let steps = [turn.x_axis * lengths.x, turn.y_axis * lengths.y, turn.z_axis * lengths.z * sign];
+        ("qoffset", steps, header.qoffset)
+    } else {
+        about.note(
+            "the file does not say how the volume lies in the patient: its first axis is taken to run to the left",
+        );
+        let lengths = distances(header, about)?;
+        let steps = [DVec3::NEG_X * lengths.x, DVec3::Y * lengths.y, DVec3::Z * lengths.z];
+        let last = DVec3::from_array(header.dims.map(|n| f64::from(n) - 1.0));
+        let origin = -0.5 * (steps[0] * last.x + steps[1] * last.y + steps[2] * last.z);
+        ("pixdim", steps, origin)
+    };
+    about.patient_axes = header.sform_code != 0 || header.qform_code != 0;
+    let lps = LPS_FROM_RAS * header.unit;
+    Grid::from_steps(field, header.dims, steps.map(|step| step * lps), origin * lps)
+}
+
+/// Positive distances between voxels, in the file's unit.
+fn distances(header: &Header, about: &mut About) -> Result<DVec3, VolumeError> {
+    let stored = DVec3::from_slice(&header.pixdim[1..]);
+    if !stored.is_finite() {
+        return Err(VolumeError::malformed("pixdim", format!("{stored} are not three distances between voxels")));
+    }
+    if stored.cmple(DVec3::ZERO).any() {
+        about.note(format!(
+            "distances between voxels in the file are {stored}: negative ones are taken as positive, 0 as 1"
+        ));
+    }
+    Ok(DVec3::from_array(stored.to_array().map(|d| if d == 0.0 { 1.0 } else { d.abs() })))
+}
+
+fn rotation(bcd: DVec3) -> Result<DMat3, VolumeError> {
+    let rest = 1.0 - bcd.length_squared();
+    // Not `<`: NaN must fail.
+    if !(rest >= -QUATERNION_TOLERANCE) {
+        return Err(VolumeError::malformed("quatern", format!("{bcd} is longer than a unit quaternion")));
+    }
+    let quaternion = DQuat::from_xyzw(bcd.x, bcd.y, bcd.z, if rest < QUATERNION_TOLERANCE { 0.0 } else { rest.sqrt() });
+    Ok(DMat3::from_quat(quaternion.normalize()))
+}
