@@ -134,7 +134,10 @@ pub(super) fn check_origin(field: &str, origin: DVec3) -> Result<(), VolumeError
     if origin.abs().cmple(DVec3::splat(LARGEST_LENGTH)).all() {
         Ok(())
     } else {
-        Err(VolumeError::malformed(field, format!("{origin} is not a position within {LARGEST_LENGTH:e}")))
+        Err(VolumeError::malformed(
+            field,
+            format!("{:?} is not a position within {LARGEST_LENGTH:e}", origin.to_array()),
+        ))
     }
 }
 
@@ -142,10 +145,10 @@ pub(super) fn check_origin(field: &str, origin: DVec3) -> Result<(), VolumeError
 pub(super) fn check_direction(field: &str, direction: [DVec3; 3]) -> Result<(), VolumeError> {
     let [x, y, z] = direction;
     if !direction.iter().all(|d| (d.length() - 1.0).abs() < 1e-6) {
-        return Err(VolumeError::malformed(field, format!("{x} {y} {z} are not unit vectors")));
+        return Err(VolumeError::malformed(field, format!("{x:.6} {y:.6} {z:.6} are not unit vectors")));
     }
     if DMat3::from_cols(x, y, z).determinant().abs() < SMALLEST_DETERMINANT {
-        return Err(VolumeError::malformed(field, format!("{x} {y} {z} lie in one plane")));
+        return Err(VolumeError::malformed(field, format!("{x:.6} {y:.6} {z:.6} lie in one plane")));
     }
     Ok(())
 }

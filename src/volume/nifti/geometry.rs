@@ -41,11 +41,15 @@ pub(super) fn grid(header: &Header, about: &mut About) -> Result<Grid, VolumeErr
 fn distances(header: &Header, about: &mut About) -> Result<DVec3, VolumeError> {
     let stored = DVec3::from_slice(&header.pixdim[1..]);
     if !stored.is_finite() {
-        return Err(VolumeError::malformed("pixdim", format!("{stored} are not three distances between voxels")));
+        return Err(VolumeError::malformed(
+            "pixdim",
+            format!("{:?} are not three distances between voxels", stored.to_array()),
+        ));
     }
     if stored.cmple(DVec3::ZERO).any() {
         about.note(format!(
-            "distances between voxels in the file are {stored}: negative ones are taken as positive, 0 as 1"
+            "distances between voxels in the file are {:?}: negative ones are taken as positive, 0 as 1",
+            stored.to_array()
         ));
     }
     Ok(DVec3::from_array(stored.to_array().map(|d| if d == 0.0 { 1.0 } else { d.abs() })))
@@ -55,7 +59,10 @@ fn rotation(bcd: DVec3) -> Result<DMat3, VolumeError> {
     let rest = 1.0 - bcd.length_squared();
     // Not `<`: NaN must fail.
     if !(rest >= -QUATERNION_TOLERANCE) {
-        return Err(VolumeError::malformed("quatern", format!("{bcd} is longer than a unit quaternion")));
+        return Err(VolumeError::malformed(
+            "quatern",
+            format!("{:?} is longer than a unit quaternion", bcd.to_array()),
+        ));
     }
     let quaternion = DQuat::from_xyzw(bcd.x, bcd.y, bcd.z, if rest < QUATERNION_TOLERANCE { 0.0 } else { rest.sqrt() });
     Ok(DMat3::from_quat(quaternion.normalize()))
