@@ -30,6 +30,9 @@ pub(super) enum Source<'a> {
     File(File),
 }
 
+/// Bytes of a file for each byte of the largest volume: a number of eight bytes may be written in 32 characters.
+const MAX_UNWRAPPED_RATIO: u64 = 4;
+
 /// A file to read a volume from, already taken out of its wrapping.
 #[derive(Debug)]
 pub(super) struct Input<'a> {
@@ -70,12 +73,14 @@ impl<'a> Input<'a> {
         Ok(Self { source, wrapping: Wrapping::of(&magic), siblings: None, raw, limits })
     }
 
-    /// The file as a stream from its beginning; may be asked for again.
+    /// The file as a stream from its beginning; may be asked for again. What is wrapped ends where no volume within
+    /// the limits would go on, so that time is limited too.
     pub(super) fn open(&mut self) -> Result<Stream<'_>, VolumeError> {
         let (reader, length) = open(&mut self.source).map_err(|e| VolumeError::io("path", e))?;
+        let most = self.limits.max_bytes.saturating_mul(MAX_UNWRAPPED_RATIO).max(MAX_UNWRAPPED_BYTES);
         Ok(match self.wrapping {
             None => Stream { reader, length: Some(length) },
-            Some(wrapping) => Stream { reader: wrapping.unwrap(reader), length: None },
+            Some(wrapping) => Stream { reader: Box::new(wrapping.unwrap(reader).take(most)), length: None },
         })
     }
 

@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use super::header::Header;
+use crate::volume::grid::{check_origin, check_spacing};
 use crate::volume::{About, Grid, VolumeError};
 
 /// From right, anterior, superior to left, posterior, superior.
@@ -13,28 +14,27 @@ const QUATERNION_TOLERANCE: f64 = 3.0 * f32::EPSILON as f64;
 
 /// The grid in patient space, in millimetres; an error names `srow`, `pixdim`, `quatern` or `qoffset`.
 pub(super) fn grid(header: &Header, about: &mut About) -> Result<Grid, VolumeError> {
-    let (field, steps, origin) = if header.sform_code != 0 {
-        let column = |i: usize| DVec3::from_array(header.srow.map(|row| row[i]));
-        ("srow", [column(0), column(1), column(2)], column(3))
-    } else if header.qform_code != 0 {
-        let turn = rotation(header.quaternion)?;
-        let lengths = distances(header, about)?;
-        let sign = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
-        let steps = [turn.x_axis * lengths.x, turn.y_axis * lengths.y, turn.z_axis * lengths.z * sign];
-        ("qoffset", steps, header.qoffset)
-    } else {
-        about.note(
-            "the file does not say how the volume lies in the patient: its first axis is taken to run to the left",
-        );
-        let lengths = distances(header, about)?;
-        let steps = [DVec3::NEG_X * lengths.x, DVec3::Y * lengths.y, DVec3::Z * lengths.z];
-        let last = DVec3::from_array(header.dims.map(|n| f64::from(n) - 1.0));
-        let origin = -0.5 * (steps[0] * last.x + steps[1] * last.y + steps[2] * last.z);
-        ("pixdim", steps, origin)
-    };
-    about.patient_axes = header.sform_code != 0 || header.qform_code != 0;
     let lps = LPS_FROM_RAS * header.unit;
-    Grid::from_steps(field, header.dims, steps.map(|step| step * lps), origin * lps)
+    about.patient_axes = header.sform_code != 0 || header.qform_code != 0;
+    if header.sform_code != 0 {
+        let column = |i: usize| DVec3::from_array(header.srow.map(|row| row[i])) * lps;
+        return Grid::from_steps("srow", header.dims, [column(0), column(1), column(2)], column(3));
+    }
+    let spacing = distances(header, about)? * header.unit;
+    check_spacing("pixdim", spacing)?;
+    let mut grid = Grid::axis_aligned(header.dims, spacing);
+    if header.qform_code != 0 {
+        let turn = rotation(header.quaternion)?;
+        let sign = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
+        grid.origin = header.qoffset * lps;
+        check_origin("qoffset", grid.origin)?;
+        return grid.turned("quatern", [turn.x_axis, turn.y_axis, turn.z_axis * sign].map(|axis| axis * LPS_FROM_RAS));
+    }
+    about.note("the file does not say how the volume lies in the patient: its first axis is taken to run to the left");
+    let directions = [DVec3::X, DVec3::NEG_Y, DVec3::Z];
+    let middle = (grid.dims_vec() - DVec3::ONE) * 0.5 * spacing;
+    grid.origin = -(directions[0] * middle.x + directions[1] * middle.y + directions[2] * middle.z);
+    grid.turned("pixdim", directions)
 }
 
 /// Positive distances between voxels, in the file's unit.

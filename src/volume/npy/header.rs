@@ -146,9 +146,11 @@ impl Dictionary {
             let value = after.trim_start().strip_prefix(':').ok_or_else(wrong)?.trim_start();
             rest = match key {
                 "descr" => {
-                    let (value, after) = quoted(value).ok_or_else(|| {
-                        VolumeError::unsupported("descr", "records of several values; expected one number per voxel")
-                    })?;
+                    if value.starts_with(['[', '(']) {
+                        let message = "records of several values; expected one number per voxel";
+                        return Err(VolumeError::unsupported("descr", message));
+                    }
+                    let (value, after) = quoted(value).ok_or_else(wrong)?;
                     descr = Some(value.to_owned());
                     after
                 }

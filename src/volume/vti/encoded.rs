@@ -148,6 +148,9 @@ const MAX_INFLATION: u64 = 1032;
 /// Longest block: VTK writes 32 KiB, and others rarely more than 1 MiB.
 const MAX_BLOCK_BYTES: u64 = 1 << 28;
 
+/// Most blocks, whose sizes are kept.
+const MAX_BLOCKS: u64 = 1 << 22;
+
 impl<'a> Blocks<'a> {
     /// Reads the table of sizes; an error names `DataArray` if the blocks do not give `expected` bytes.
     pub(super) fn read(
@@ -171,7 +174,10 @@ impl<'a> Blocks<'a> {
             let message = format!("blocks of {size} bytes; expected at most {MAX_BLOCK_BYTES}");
             return Err(VolumeError::unsupported("DataArray", message));
         }
-        // As many numbers as the file has: their memory comes with them.
+        if blocks > MAX_BLOCKS {
+            let message = format!("{blocks} blocks; expected at most {MAX_BLOCKS}");
+            return Err(VolumeError::unsupported("DataArray", message));
+        }
         let compressed_sizes = read_counts(reader, count_bytes, endian, blocks)?.into_iter();
         Ok(Self { reader, compressed_sizes, size, last_size, block: Vec::new(), given: 0 })
     }

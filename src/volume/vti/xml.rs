@@ -161,7 +161,7 @@ fn attributes(start: &BytesStart) -> Result<Vec<(String, String)>, VolumeError> 
     start
         .attributes()
         .map(|attribute| {
-            let attribute = attribute.map_err(|e| VolumeError::malformed("XML", e.to_string()))?;
+            let attribute = attribute.map_err(|e| ill_formed(&e.to_string()))?;
             Ok((attribute.key.as_ref().to_owned(), attribute.value.into_owned()))
         })
         .collect()
@@ -170,8 +170,15 @@ fn attributes(start: &BytesStart) -> Result<Vec<(String, String)>, VolumeError> 
 fn fault(error: quick_xml::Error) -> VolumeError {
     match error {
         quick_xml::Error::Io(error) => data_error("XML", io::Error::new(error.kind(), error.to_string())),
-        other => VolumeError::malformed("XML", other.to_string()),
+        other => ill_formed(&other.to_string()),
     }
+}
+
+/// The parser quotes the file at any length.
+fn ill_formed(message: &str) -> VolumeError {
+    const LONGEST: usize = 160;
+    let message = message.chars().take(LONGEST).map(|c| if c.is_control() { ' ' } else { c });
+    VolumeError::malformed("XML", message.collect::<String>())
 }
 
 impl Metered<'_> {

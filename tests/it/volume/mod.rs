@@ -7,12 +7,17 @@ mod format;
 mod formats_fuzz;
 mod histogram;
 mod independent;
+mod metaimage;
+mod nifti;
+mod npy;
 mod nrrd;
 mod nrrd_errors;
 mod nrrd_files;
 mod nrrd_fuzz;
 mod procedural;
 mod voxels;
+mod vti;
+mod wrapping;
 
 use spao_server::volume::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, nrrd as nrrd_format};
 
