@@ -4,6 +4,9 @@ use super::format::unknown;
 use super::input::Input;
 use super::{Format, Volume, VolumeError, VoxelType, metaimage, nifti, npy, nrrd, raw, vti};
 
+/// Dims and voxel type.
+type Shape = ([u32; 3], VoxelType);
+
 /// A format that is read.
 pub(super) struct Row {
     pub(super) format: Format,
@@ -18,7 +21,7 @@ pub(super) struct Row {
     /// Reads the volume.
     pub(super) read: fn(&mut Input) -> Result<Volume, VolumeError>,
     /// Dims and type of the volume, from as little of the file as says so.
-    pub(super) peek: fn(&mut Input) -> Result<([u32; 3], VoxelType), VolumeError>,
+    pub(super) peek: fn(&mut Input) -> Result<Shape, VolumeError>,
 }
 
 /// In the order in which magic is looked for.

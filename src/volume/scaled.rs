@@ -2,7 +2,7 @@
 
 use std::io::BufRead;
 
-use super::sample::with_voxels;
+use super::sample::{Sample, with_voxels};
 use super::{Endian, VolumeError, VoxelType, Voxels};
 
 /// Voxels converted at a time: the stored ones never fill more memory than that.
@@ -52,7 +52,7 @@ impl Scaling {
             let now = CHUNK.min(count - done);
             chunk.append(field, reader, now, endian)?;
             with_voxels!(&chunk, values => {
-                let values = values.iter().map(|&v| v as f64 * self.slope + self.intercept);
+                let values = values.iter().map(|v| v.to_f64() * self.slope + self.intercept);
                 match voxels {
                     Voxels::F32(out) => out.extend(values.map(|v| v as f32)),
                     Voxels::F64(out) => out.extend(values),

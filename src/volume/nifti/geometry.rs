@@ -57,8 +57,7 @@ fn distances(header: &Header, about: &mut About) -> Result<DVec3, VolumeError> {
 
 fn rotation(bcd: DVec3) -> Result<DMat3, VolumeError> {
     let rest = 1.0 - bcd.length_squared();
-    // Not `<`: NaN must fail.
-    if !(rest >= -QUATERNION_TOLERANCE) {
+    if rest.is_nan() || rest < -QUATERNION_TOLERANCE {
         return Err(VolumeError::malformed(
             "quatern",
             format!("{:?} is longer than a unit quaternion", bcd.to_array()),

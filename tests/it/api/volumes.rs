@@ -95,11 +95,12 @@ async fn nothing_remains_of_a_file_that_cannot_be_loaded() {
     let memory = server.state.renderer.memory();
     let nan = bytes_of([f32::NAN; 24]);
     let infinite = bytes_of([f32::INFINITY; 24]);
-    let uploads: [(&str, Vec<u8>, u16, &str); 9] = [
+    let uploads: [(&str, Vec<u8>, u16, &str); 10] = [
         ("", vec![0; 100], 415, "unknown_format"),
         ("format=gif", vec![0; 100], 415, "unknown_format"),
         ("format=dicom", vec![0; 100], 415, "unknown_format"),
-        ("", b"\x93NUMPY\x01\x00".to_vec(), 415, "unknown_format"),
+        ("", b"\x89PNG\r\n".to_vec(), 415, "unknown_format"),
+        ("", b"\x93NUMPY\x01\x00".to_vec(), 400, "malformed"),
         ("", nrrd("unsigned char", &[0; 23]), 400, "malformed"),
         ("", nrrd("unsigned chair", &[0; 24]), 400, "malformed"),
         ("", nrrd("float", &nan), 400, "malformed"),
@@ -117,6 +118,19 @@ async fn nothing_remains_of_a_file_that_cannot_be_loaded() {
     assert_eq!(count(&server).await, 0);
     // Other tests use the same renderer at the same time: theirs is the only reason for a difference.
     assert!(server.state.renderer.memory().budget_bytes == memory.budget_bytes);
+}
+
+#[tokio::test]
+async fn a_wrapped_file_is_recognised_and_its_format_told() {
+    let server = Server::new(&[]);
+    let file = include_bytes!("../volume/fixtures/files/nifti1_gzip.nii.gz");
+    let answer = server.upload("", file.to_vec()).await;
+    assert_eq!(answer.status, 201, "{answer:?}");
+    let volume = answer.json();
+    assert_eq!(volume["source"], json!({ "upload": { "format": "nifti", "bytes": file.len() } }));
+    assert_eq!((&volume["dims"], &volume["voxel_type"]), (&json!([5, 4, 3]), &json!("i16")));
+    let formats = server.get("/v1/server").await.json()["features"]["volume_formats"].clone();
+    assert!(formats.as_array().is_some_and(|names| names.contains(&json!("nifti"))), "{formats}");
 }
 
 #[tokio::test]

@@ -2,6 +2,7 @@
 
 mod bricks;
 mod code_map;
+mod documents;
 mod fixture;
 mod format;
 mod formats_fuzz;
