@@ -4,6 +4,7 @@ use std::io::{BufRead, Read};
 
 use super::error::excerpt;
 use super::sample::{Sample, with_voxels};
+use super::voxels::data_error;
 use super::{VolumeError, Voxels};
 
 /// Longest number: an `f64` may be written out in full.
@@ -29,7 +30,7 @@ fn append<T: Sample>(out: &mut Vec<T>, field: &str, reader: &mut dyn BufRead, co
     let mut number = String::new();
     let mut done = 0;
     while done < count {
-        let byte = bytes.next().transpose().map_err(|e| VolumeError::io(field, e))?;
+        let byte = bytes.next().transpose().map_err(|e| data_error(field, e))?;
         match byte {
             Some(byte) if !separates(byte) => {
                 number.push(char::from(byte));

@@ -15,6 +15,7 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use header::{DataFile, Header};
 
 use super::input::{Input, Siblings, Stream, finish};
+use super::voxels::data_error;
 use super::{About, Limits, Volume, VolumeError, VoxelType, Voxels, paths};
 
 /// Bytes of a gzip stream, which some writers have instead of zlib.
@@ -94,7 +95,7 @@ fn append(
     if header.ascii {
         voxels.append_ascii(field, &mut stream.reader, count)
     } else if header.compressed {
-        let start = stream.reader.fill_buf().map_err(|e| VolumeError::io(field, e))?;
+        let start = stream.reader.fill_buf().map_err(|e| data_error(field, e))?;
         let mut inflated: Box<dyn Read> = if start.starts_with(&GZIP) {
             Box::new(MultiGzDecoder::new(stream.reader))
         } else {

@@ -47,7 +47,7 @@ pub(super) fn append<R: BufRead>(
 ) -> Result<(), VolumeError> {
     let expected = count as u64 * header.voxel_type.bytes();
     for _ in 0..header.line_skip {
-        if source.skip_until(b'\n').map_err(|e| VolumeError::io(field, e))? == 0 {
+        if source.skip_until(b'\n').map_err(|e| data_error(field, e))? == 0 {
             return Err(VolumeError::malformed("line skip", "more lines than there are"));
         }
     }

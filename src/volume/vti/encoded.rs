@@ -10,11 +10,13 @@ use crate::volume::{Endian, VolumeError};
 /// What comes before the next tag.
 pub(super) struct UntilTag<R> {
     inner: R,
+    /// Bytes of the inner buffer that are known to come before the tag: no byte is looked at twice.
+    clean: usize,
 }
 
 impl<R> UntilTag<R> {
     pub(super) fn new(inner: R) -> Self {
-        Self { inner }
+        Self { inner, clean: 0 }
     }
 }
 
@@ -29,11 +31,14 @@ impl<R: BufRead> Read for UntilTag<R> {
 impl<R: BufRead> BufRead for UntilTag<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         let bytes = self.inner.fill_buf()?;
-        let end = bytes.iter().position(|b| *b == b'<').unwrap_or(bytes.len());
-        Ok(&bytes[..end])
+        if self.clean == 0 {
+            self.clean = bytes.iter().position(|b| *b == b'<').unwrap_or(bytes.len());
+        }
+        Ok(&bytes[..self.clean])
     }
 
     fn consume(&mut self, amount: usize) {
+        self.clean -= amount;
         self.inner.consume(amount);
     }
 }

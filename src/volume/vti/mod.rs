@@ -36,9 +36,9 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     }
     let mut stream = walker.data();
     match layout.array.encoding {
-        Encoding::Ascii => voxels.append_ascii("DataArray", &mut UntilTag::new(stream), count)?,
+        Encoding::Ascii => voxels.append_ascii("DataArray", &mut BufReader::new(UntilTag::new(stream)), count)?,
         Encoding::Base64 | Encoding::AppendedBase64 { .. } => {
-            let mut bytes = BufReader::new(Base64::new(UntilTag::new(stream)));
+            let mut bytes = BufReader::new(Base64::new(BufReader::new(UntilTag::new(stream))));
             append(&mut voxels, &mut bytes, &layout, count)?;
         }
         Encoding::AppendedRaw { .. } => append(&mut voxels, &mut stream, &layout, count)?,

@@ -86,6 +86,20 @@ fn a_damaged_or_short_wrapping_is_noticed() {
 }
 
 #[test]
+fn a_damaged_wrapping_is_never_the_fault_of_the_system() {
+    for file in ["nifti1_sform.nii", "meta_ascii.mha", "meta_compressed.mha", "npz_stored.npz", "vti_ascii.vti"] {
+        let wrapped = gzip(&bytes_of(file));
+        let format = Format::detect(None, None, &wrapped).expect("valid");
+        for at in 10..wrapped.len() {
+            let mut damaged = wrapped.clone();
+            damaged[at] ^= 0x55;
+            let read = format::read_bytes(&damaged, format, None, &Limits::default());
+            assert!(!matches!(read, Err(VolumeError::Io { .. })), "byte {at} of {file}: {read:?}");
+        }
+    }
+}
+
+#[test]
 fn what_is_compressed_twice_is_told() {
     let twice = gzip(&zstd(&bytes_of("nifti1_sform.nii")));
     assert_names(Format::detect(None, None, &twice), "format", "compressed twice");
