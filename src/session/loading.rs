@@ -8,8 +8,8 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::volumes::NewVolume;
 use crate::error::ApiError;
-use crate::volume::format::{bare_name, load_path, peek_path, read_bytes};
-use crate::volume::{Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
+use crate::volume::format::{bare_name, load_chosen, peek_chosen, read_chosen};
+use crate::volume::{Choice, Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
 
 /// Bins that a scene's defaults are derived from.
 const FACT_BINS: u32 = 256;
@@ -25,11 +25,15 @@ pub enum VolumeSource {
         format: Format,
         /// What a file without a header holds.
         raw: Option<RawSpec>,
+        /// Which of several volumes in it is meant.
+        choice: Choice,
     },
-    /// A file.
+    /// A file, or a folder of files.
     Path {
         /// Relative to `data_dir`, which it cannot leave.
         path: String,
+        /// Which of several volumes in it is meant.
+        choice: Choice,
         /// The directory that may be read.
         data_dir: PathBuf,
     },
@@ -52,7 +56,7 @@ impl VolumeSource {
         let (Some(directory), Some(file)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
             return Err(io(std::io::ErrorKind::InvalidFilename.into()));
         };
-        Ok(Self::Path { path: file.to_owned(), data_dir: directory.to_owned() })
+        Ok(Self::Path { path: file.to_owned(), choice: Choice::default(), data_dir: directory.to_owned() })
     }
 
     /// What the volume is called when nobody names it.
@@ -72,7 +76,16 @@ impl VolumeSource {
             Self::Upload { bytes, format, .. } => {
                 json!({ "upload": { "format": format.name(), "bytes": bytes.len() } })
             }
-            Self::Path { path, .. } => json!({ "path": path }),
+            Self::Path { path, choice, .. } => {
+                let mut json = json!({ "path": path });
+                if let Some(series) = &choice.series {
+                    json["series"] = json!(series);
+                }
+                if let Some(channel) = choice.channel {
+                    json["channel"] = json!(channel);
+                }
+                json
+            }
             Self::Procedural(spec) => json!({ "procedural": spec }),
         }
     }
@@ -83,8 +96,8 @@ impl VolumeSource {
     /// What is wrong with the source.
     pub fn load(&self, limits: &Limits) -> Result<Volume, VolumeError> {
         match self {
-            Self::Upload { bytes, format, raw } => read_bytes(bytes, *format, raw.as_ref(), limits),
-            Self::Path { path, data_dir } => load_path(path, data_dir, None, limits),
+            Self::Upload { bytes, format, raw, choice } => read_chosen(bytes, *format, raw.as_ref(), choice, limits),
+            Self::Path { path, choice, data_dir } => load_chosen(path, data_dir, None, choice, limits),
             Self::Procedural(spec) => spec.generate(limits),
         }
     }
@@ -99,7 +112,7 @@ impl VolumeSource {
                 let volume = self.load(limits)?;
                 (volume.grid.dims, volume.voxels.voxel_type())
             }
-            Self::Path { path, data_dir } => peek_path(path, data_dir, None)?,
+            Self::Path { path, choice, data_dir } => peek_chosen(path, data_dir, None, choice)?,
             Self::Procedural(spec) => (spec.dims, spec.voxel_type()),
         };
         limits.check("dims", dims, voxel_type)?;

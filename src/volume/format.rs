@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::excerpt;
 use super::formats::{NOT_READ, Row, TABLE};
-use super::input::{Input, Siblings, Source};
+use super::input::{Choice, Input, Siblings, Source};
 use super::wrap::{Wrapping, unwrapped_name};
 use super::{Limits, RawSpec, Volume, VolumeError, VoxelType, paths};
 
@@ -23,6 +23,10 @@ pub enum Format {
     Npz,
     /// VTK's XML image data.
     Vti,
+    /// DICOM: a zip or tar of a series, a folder (by path), or one file.
+    Dicom,
+    /// TIFF stack, plain, of ImageJ or of OME.
+    Tiff,
     /// Voxels alone; a [`RawSpec`] says what they are.
     Raw,
 }
@@ -141,7 +145,23 @@ pub(super) fn unknown(reason: &str) -> VolumeError {
 /// # Errors
 /// Names `dims` if `format` is raw and `raw` does not say what it holds; otherwise those of the format.
 pub fn read_bytes(bytes: &[u8], format: Format, raw: Option<&RawSpec>, limits: &Limits) -> Result<Volume, VolumeError> {
-    read(Input::new("data", Source::Bytes(bytes), raw, limits)?, format)
+    read_chosen(bytes, format, raw, &Choice::default(), limits)
+}
+
+/// [`read_bytes`] of a file with several volumes.
+///
+/// # Errors
+/// As [`read_bytes`]; names `series` or `channel` if the choice is none of those in the file.
+pub fn read_chosen(
+    bytes: &[u8],
+    format: Format,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+) -> Result<Volume, VolumeError> {
+    let mut input = Input::new("data", Source::Bytes(bytes), raw, limits)?;
+    input.choice = choice.clone();
+    read(input, format)
 }
 
 /// Reads a volume from a file in the data directory, or in a directory inside it.
@@ -149,7 +169,21 @@ pub fn read_bytes(bytes: &[u8], format: Format, raw: Option<&RawSpec>, limits: &
 /// # Errors
 /// Names `path` if it is not a file inside the data directory; otherwise as [`read_bytes`].
 pub fn load_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>, limits: &Limits) -> Result<Volume, VolumeError> {
-    with_file(path, data_dir, raw, limits, read)
+    load_chosen(path, data_dir, raw, &Choice::default(), limits)
+}
+
+/// [`load_path`] of a file with several volumes, or a folder of files.
+///
+/// # Errors
+/// As [`load_path`]; names `series` or `channel` if the choice is none of those in the file.
+pub fn load_chosen(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+) -> Result<Volume, VolumeError> {
+    with_path(path, data_dir, raw, choice, limits, read)
 }
 
 /// Dims and type of the volume in a file, without its voxels: what a dry run needs.
@@ -157,10 +191,42 @@ pub fn load_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>, limits: &Li
 /// # Errors
 /// As [`load_path`], as far as the header goes.
 pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<([u32; 3], VoxelType), VolumeError> {
-    with_file(path, data_dir, raw, &Limits::default(), |mut input, format| (format.row().peek)(&mut input))
+    peek_chosen(path, data_dir, raw, &Choice::default())
+}
+
+/// [`peek_path`] of a file with several volumes, or a folder of files.
+///
+/// # Errors
+/// As [`load_chosen`], as far as the header goes.
+pub fn peek_chosen(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+) -> Result<([u32; 3], VoxelType), VolumeError> {
+    let peek = |mut input: Input, format: Format| {
+        check_choice(&input.choice, format)?;
+        (format.row().peek)(&mut input)
+    };
+    with_path(path, data_dir, raw, choice, &Limits::default(), peek)
+}
+
+/// Refuses a choice where there is nothing to choose.
+fn check_choice(choice: &Choice, format: Format) -> Result<(), VolumeError> {
+    let only = |field: &str, kind: Format| {
+        VolumeError::malformed(field, format!("only `{}` has it, and this is `{}`", kind.name(), format.name()))
+    };
+    if choice.series.is_some() && format != Format::Dicom {
+        return Err(only("series", Format::Dicom));
+    }
+    if choice.channel.is_some() && format != Format::Tiff {
+        return Err(only("channel", Format::Tiff));
+    }
+    Ok(())
 }
 
 fn read(mut input: Input, format: Format) -> Result<Volume, VolumeError> {
+    check_choice(&input.choice, format)?;
     let mut volume = (format.row().read)(&mut input)?;
     match volume.nan_count {
         0 => {}
@@ -170,17 +236,20 @@ fn read(mut input: Input, format: Format) -> Result<Volume, VolumeError> {
     Ok(volume)
 }
 
-fn with_file<T>(
+fn with_path<T>(
     path: &str,
     data_dir: &Path,
     raw: Option<&RawSpec>,
+    choice: &Choice,
     limits: &Limits,
     work: impl FnOnce(Input, Format) -> Result<T, VolumeError>,
 ) -> Result<T, VolumeError> {
-    let path = paths::resolve_inside(data_dir, data_dir, path, "path")?;
-    let (file, _) = paths::open(&path, "path")?;
-    let mut input = Input::new("path", Source::File(file), raw, limits)?;
-    let format = Format::of_file(&path, &mut input)?;
+    let path = paths::resolve_any(data_dir, data_dir, path, "path")?;
+    let is_folder = path.is_dir();
+    let source = if is_folder { Source::Folder(path.clone()) } else { Source::File(paths::open(&path, "path")?.0) };
+    let mut input = Input::new("path", source, raw, limits)?;
+    input.choice = choice.clone();
+    let format = if is_folder { Format::Dicom } else { Format::of_file(&path, &mut input)? };
     input.siblings = Some(Siblings { root: data_dir, directory: path.parent().unwrap_or(data_dir) });
     work(input, format)
 }

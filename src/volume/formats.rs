@@ -2,7 +2,7 @@
 
 use super::format::unknown;
 use super::input::Input;
-use super::{Format, Volume, VolumeError, VoxelType, metaimage, nifti, npy, nrrd, raw, vti};
+use super::{Format, Volume, VolumeError, VoxelType, archive, dicom, metaimage, nifti, npy, nrrd, raw, tiff, vti};
 
 /// Dims and voxel type.
 type Shape = ([u32; 3], VoxelType);
@@ -81,6 +81,24 @@ pub(super) const TABLE: &[Row] = &[
         peek: vti::peek_input,
     },
     Row {
+        format: Format::Dicom,
+        name: "dicom",
+        endings: &["dcm", "dicom", "ima", "zip", "tar", "tgz"],
+        content_types: &["zip", "tar"],
+        magic: |head| at(head, 128, b"DICM") || archive::is_zip(head) || archive::is_tar(head),
+        read: dicom::read_input,
+        peek: dicom::peek_input,
+    },
+    Row {
+        format: Format::Tiff,
+        name: "tiff",
+        endings: &["tiff", "tif", "tf2", "tf8", "btf"],
+        content_types: &[],
+        magic: |head| [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic)),
+        read: tiff::read_input,
+        peek: tiff::peek_input,
+    },
+    Row {
         format: Format::Raw,
         name: "raw",
         endings: &["raw"],
@@ -117,12 +135,6 @@ const CONVERT: &str = ": convert it to NIfTI or NRRD first";
 const ARCHIVE: &str = ": unpack it first";
 
 pub(super) const NOT_READ: &[NotRead] = &[
-    NotRead { endings: &["tiff", "tif"], magic: |h| at(h, 0, b"II*\0") || at(h, 0, b"MM\0*"), advice: "" },
-    NotRead {
-        endings: &["dicom", "dcm", "zip", "tar"],
-        magic: |h| at(h, 128, b"DICM") || at(h, 0, b"PK\x03\x04") || at(h, 257, b"ustar"),
-        advice: "",
-    },
     NotRead { endings: &["png"], magic: |h| at(h, 0, b"\x89PNG"), advice: PICTURE },
     NotRead { endings: &["jpeg", "jpg"], magic: |h| at(h, 0, b"\xff\xd8\xff"), advice: PICTURE },
     NotRead { endings: &["webp"], magic: |h| at(h, 0, b"RIFF") && at(h, 8, b"WEBP"), advice: PICTURE },

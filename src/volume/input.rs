@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::voxels::data_error;
 use super::wrap::Wrapping;
@@ -28,6 +28,17 @@ pub struct Siblings<'a> {
 pub(super) enum Source<'a> {
     Bytes(&'a [u8]),
     File(File),
+    /// For formats of many files.
+    Folder(PathBuf),
+}
+
+/// Which of several volumes in one file is meant.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// Of a DICOM archive: the series' number, its `SeriesInstanceUID` or the end of that.
+    pub series: Option<String>,
+    /// Of a microscope's file: the number of the channel, from 0.
+    pub channel: Option<u32>,
 }
 
 /// Bytes of a file for each byte of the largest volume: a number of eight bytes may be written in 32 characters.
@@ -42,6 +53,8 @@ pub(super) struct Input<'a> {
     pub(super) siblings: Option<Siblings<'a>>,
     /// What is said beside a file that has no header.
     pub(super) raw: Option<&'a RawSpec>,
+    /// Which of several volumes is meant.
+    pub(super) choice: Choice,
     /// How large the volume may be.
     pub(super) limits: &'a Limits,
 }
@@ -67,10 +80,20 @@ impl<'a> Input<'a> {
         limits: &'a Limits,
     ) -> Result<Self, VolumeError> {
         let mut magic = Vec::new();
-        open(&mut source)
-            .and_then(|(reader, _)| reader.take(4).read_to_end(&mut magic))
-            .map_err(|e| VolumeError::io(field, e))?;
-        Ok(Self { source, wrapping: Wrapping::of(&magic), siblings: None, raw, limits })
+        if !matches!(source, Source::Folder(_)) {
+            open(&mut source)
+                .and_then(|(reader, _)| reader.take(4).read_to_end(&mut magic))
+                .map_err(|e| VolumeError::io(field, e))?;
+        }
+        Ok(Self { source, wrapping: Wrapping::of(&magic), siblings: None, raw, choice: Choice::default(), limits })
+    }
+
+    /// The folder, if it is one and not a file.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        match &self.source {
+            Source::Folder(path) => Some(path),
+            Source::Bytes(_) | Source::File(_) => None,
+        }
     }
 
     /// The file as a stream from its beginning; may be asked for again. What is wrapped ends where no volume within
@@ -111,6 +134,7 @@ impl<'a> Input<'a> {
                 file.rewind().map_err(|e| VolumeError::io("path", e))?;
                 Box::new(BufReader::new(&*file))
             }
+            Source::Folder(_) => return Err(VolumeError::io("path", io::ErrorKind::IsADirectory.into())),
         })
     }
 
@@ -134,6 +158,7 @@ fn open<'a>(source: &'a mut Source<'_>) -> io::Result<(Box<dyn BufRead + 'a>, u6
             // What is appended meanwhile is not part of it.
             (Box::new(BufReader::new(&*file).take(length)), length)
         }
+        Source::Folder(_) => return Err(io::ErrorKind::IsADirectory.into()),
     })
 }
 

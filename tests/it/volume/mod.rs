@@ -2,6 +2,9 @@
 
 mod bricks;
 mod code_map;
+mod dicom;
+mod dicom_errors;
+mod dicom_fuzz;
 mod documents;
 mod fixture;
 mod format;
@@ -16,6 +19,7 @@ mod nrrd_errors;
 mod nrrd_files;
 mod nrrd_fuzz;
 mod procedural;
+mod tiff;
 mod voxels;
 mod vti;
 mod wrapping;
