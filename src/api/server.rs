@@ -8,6 +8,7 @@ use super::AppState;
 use super::extract::QueryParams;
 use crate::encode::ImageFormat;
 use crate::error::ApiError;
+use crate::volume::Format;
 
 /// `GET /v1/server`
 pub(super) async fn show(State(state): State<AppState>, query: QueryParams) -> Result<Json<Value>, ApiError> {
@@ -26,7 +27,7 @@ pub(super) async fn show(State(state): State<AppState>, query: QueryParams) -> R
         "volumes": state.volumes.list().len(),
         "scenes": state.scenes.list().len(),
         "features": {
-            "volume_formats": ["nrrd", "raw"],
+            "volume_formats": Format::all().map(Format::name).collect::<Vec<_>>(),
             "volume_sources": ["upload", "path", "procedural"],
             "image_formats": ImageFormat::ALL.map(ImageFormat::name),
             "ao_methods": ["off", "spao", "raytraced"],

@@ -14,7 +14,7 @@ use super::extract::{QueryParams, is_json, read_body, read_json, typed};
 use crate::config::Limits;
 use crate::error::{ApiError, ErrorCode};
 use crate::session::{LoadPermit, VolumeSource};
-use crate::volume::{Format, ProceduralSpec, RawSpec, VolumeError, VoxelType, bytes_needed};
+use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, VolumeError, VoxelType, bytes_needed};
 
 /// Longest name of a volume, in characters.
 const MAX_NAME: usize = 200;
@@ -27,6 +27,7 @@ struct UploadQuery {
     name: Option<String>,
     format: Option<String>,
     raw: Option<RawSpec>,
+    choice: Choice,
     dry_run: bool,
 }
 
@@ -37,7 +38,10 @@ impl UploadQuery {
         let dry_run = query.flag("dry_run")?;
         let (dims, voxel_type) = (query.text("dims")?, query.text("type")?);
         let (endian, spacing) = (query.text("endian")?, query.text("spacing")?);
+        let series = query.text("series")?;
+        let channel = query.text("channel")?.map(|text| channel_number(&text)).transpose()?;
         query.finish()?;
+        let choice = Choice { series, channel };
         let raw = match (&dims, &voxel_type) {
             (Some(dims), Some(kind)) => {
                 Some(RawSpec::parse(dims, kind, endian.as_deref(), spacing.as_deref()).map_err(in_query)?)
@@ -50,7 +54,7 @@ impl UploadQuery {
                 return Err(ApiError::invalid("type", "missing; raw voxels need dims=x,y,z and type"));
             }
         };
-        Ok(Self { name, format, raw, dry_run })
+        Ok(Self { name, format, raw, choice, dry_run })
     }
 }
 
@@ -133,7 +137,7 @@ async fn from_body(
     }
     let bytes = read_body(request, state.limits.max_upload_bytes, state.limits.request_timeout).await?;
     let format = Format::detect(query.format.as_deref(), content_type.as_deref(), &bytes)?;
-    Ok((query.name, VolumeSource::Upload { bytes, format, raw: query.raw }))
+    Ok((query.name, VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice }))
 }
 
 /// Body of `POST /v1/volumes` as JSON.
@@ -149,6 +153,8 @@ struct JsonRequest {
 #[serde(deny_unknown_fields)]
 struct JsonSource {
     path: Option<String>,
+    series: Option<String>,
+    channel: Option<u32>,
     url: Option<String>,
     procedural: Option<ProceduralSpec>,
 }
@@ -157,18 +163,24 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<(Optio
     if query.raw.is_some() {
         return Err(ApiError::invalid("dims", "only for a body of voxels, not for JSON"));
     }
+    if query.choice != Choice::default() {
+        return Err(ApiError::invalid("series", "goes with the path in JSON, as does `channel`"));
+    }
     let JsonRequest { name, source } = typed(body)?;
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);
-    let source = match source {
-        JsonSource { path: Some(path), url: None, procedural: None } => {
-            VolumeSource::Path { path, data_dir: data_dir(state)? }
-        }
-        JsonSource { path: None, url: Some(_), procedural: None } => {
+    let JsonSource { path, series, channel, url, procedural } = source;
+    let choice = Choice { series, channel };
+    if path.is_none() && choice != Choice::default() {
+        return Err(ApiError::invalid("source.series", "goes with `path`, as does `channel`"));
+    }
+    let source = match (path, url, procedural) {
+        (Some(path), None, None) => VolumeSource::Path { path, choice, data_dir: data_dir(state)? },
+        (None, Some(_), None) => {
             let message = "volumes are not fetched from other servers by this version; upload the file or use `path`";
             return Err(ApiError::new(ErrorCode::NotImplemented, format!("source.url: {message}"))
                 .with_details(json!({ "path": "source.url" })));
         }
-        JsonSource { path: None, url: None, procedural: Some(spec) } => VolumeSource::Procedural(spec),
+        (None, None, Some(spec)) => VolumeSource::Procedural(spec),
         _ => {
             return Err(ApiError::invalid("source", "expected exactly one of `path`, `url` and `procedural`"));
         }
@@ -211,8 +223,15 @@ impl Blame {
             (Self::Procedural, VolumeError::Malformed { field, message }) => {
                 ApiError::invalid(&format!("source.procedural.{field}"), message)
             }
-            (Self::Path, VolumeError::Malformed { field, message }) if field == "path" => {
-                ApiError::invalid("source.path", message)
+            (Self::Path, VolumeError::Malformed { field, message })
+                if matches!(field.as_str(), "path" | "series" | "channel") =>
+            {
+                ApiError::invalid(&format!("source.{field}"), message)
+            }
+            (Self::Body, VolumeError::Malformed { field, message })
+                if matches!(field.as_str(), "series" | "channel") =>
+            {
+                ApiError::invalid(&field, message)
             }
             // Only the kind: the system's message may say more than the client should know.
             (Self::Path, VolumeError::Io { field, source }) if field == "path" => {
@@ -221,6 +240,10 @@ impl Blame {
             (_, other) => other.into(),
         }
     }
+}
+
+fn channel_number(text: &str) -> Result<u32, ApiError> {
+    text.parse().map_err(|_| ApiError::invalid("channel", "expected a whole number, counted from 0"))
 }
 
 /// A query parameter is invalid where a file is malformed.

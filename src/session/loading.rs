@@ -8,8 +8,8 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::volumes::NewVolume;
 use crate::error::ApiError;
-use crate::volume::format::{load_path, peek_path, read_bytes};
-use crate::volume::{Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
+use crate::volume::format::{bare_name, load_chosen, peek_chosen, read_chosen};
+use crate::volume::{Choice, Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
 
 /// Bins that a scene's defaults are derived from.
 const FACT_BINS: u32 = 256;
@@ -25,11 +25,15 @@ pub enum VolumeSource {
         format: Format,
         /// What a file without a header holds.
         raw: Option<RawSpec>,
+        /// Which of several volumes in it is meant.
+        choice: Choice,
     },
-    /// A file.
+    /// A file, or a folder of files.
     Path {
         /// Relative to `data_dir`, which it cannot leave.
         path: String,
+        /// Which of several volumes in it is meant.
+        choice: Choice,
         /// The directory that may be read.
         data_dir: PathBuf,
     },
@@ -52,14 +56,16 @@ impl VolumeSource {
         let (Some(directory), Some(file)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
             return Err(io(std::io::ErrorKind::InvalidFilename.into()));
         };
-        Ok(Self::Path { path: file.to_owned(), data_dir: directory.to_owned() })
+        Ok(Self::Path { path: file.to_owned(), choice: Choice::default(), data_dir: directory.to_owned() })
     }
 
     /// What the volume is called when nobody names it.
     pub fn default_name(&self) -> String {
         match self {
             Self::Upload { .. } => "upload".into(),
-            Self::Path { path, .. } => Path::new(path).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            Self::Path { path, .. } => {
+                bare_name(&Path::new(path).file_name().unwrap_or_default().to_string_lossy()).to_owned()
+            }
             Self::Procedural(spec) => json!(spec.kind).as_str().unwrap_or_default().into(),
         }
     }
@@ -68,9 +74,18 @@ impl VolumeSource {
     pub fn to_json(&self) -> Value {
         match self {
             Self::Upload { bytes, format, .. } => {
-                json!({ "upload": { "format": format_name(*format), "bytes": bytes.len() } })
+                json!({ "upload": { "format": format.name(), "bytes": bytes.len() } })
             }
-            Self::Path { path, .. } => json!({ "path": path }),
+            Self::Path { path, choice, .. } => {
+                let mut json = json!({ "path": path });
+                if let Some(series) = &choice.series {
+                    json["series"] = json!(series);
+                }
+                if let Some(channel) = choice.channel {
+                    json["channel"] = json!(channel);
+                }
+                json
+            }
             Self::Procedural(spec) => json!({ "procedural": spec }),
         }
     }
@@ -81,8 +96,8 @@ impl VolumeSource {
     /// What is wrong with the source.
     pub fn load(&self, limits: &Limits) -> Result<Volume, VolumeError> {
         match self {
-            Self::Upload { bytes, format, raw } => read_bytes(bytes, *format, raw.as_ref(), limits),
-            Self::Path { path, data_dir } => load_path(path, data_dir, None, limits),
+            Self::Upload { bytes, format, raw, choice } => read_chosen(bytes, *format, raw.as_ref(), choice, limits),
+            Self::Path { path, choice, data_dir } => load_chosen(path, data_dir, None, choice, limits),
             Self::Procedural(spec) => spec.generate(limits),
         }
     }
@@ -97,7 +112,7 @@ impl VolumeSource {
                 let volume = self.load(limits)?;
                 (volume.grid.dims, volume.voxels.voxel_type())
             }
-            Self::Path { path, data_dir } => peek_path(path, data_dir, None)?,
+            Self::Path { path, choice, data_dir } => peek_chosen(path, data_dir, None, choice)?,
             Self::Procedural(spec) => (spec.dims, spec.voxel_type()),
         };
         limits.check("dims", dims, voxel_type)?;
@@ -117,13 +132,6 @@ impl VolumeSource {
             source: self.to_json(),
             volume: Arc::new(volume),
         })
-    }
-}
-
-fn format_name(format: Format) -> &'static str {
-    match format {
-        Format::Nrrd => "nrrd",
-        Format::Raw => "raw",
     }
 }
 

@@ -1,41 +1,66 @@
 //! Which format a file has, and reading it.
 
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::error::excerpt;
-use super::{Limits, RawSpec, Volume, VolumeError, VoxelType, nrrd, paths};
+use super::formats::{NOT_READ, Row, TABLE};
+use super::input::{Choice, Input, Siblings, Source};
+use super::wrap::{Wrapping, unwrapped_name};
+use super::{Limits, RawSpec, Volume, VolumeError, VoxelType, paths};
 
-/// A file format that is read.
+/// A file format that is read. Any file may be wrapped in gzip or Zstandard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// NRRD, with the data attached or (by path) detached.
     Nrrd,
+    /// NIfTI-1 and NIfTI-2 in one file.
+    Nifti,
+    /// MetaImage, with the data local or (by path) in a file beside the header.
+    MetaImage,
+    /// A NumPy array.
+    Npy,
+    /// An archive with one NumPy array that is a volume.
+    Npz,
+    /// VTK's XML image data.
+    Vti,
+    /// DICOM: a zip or tar of a series, a folder (by path), or one file.
+    Dicom,
+    /// TIFF stack, plain, of ImageJ or of OME.
+    Tiff,
     /// Voxels alone; a [`RawSpec`] says what they are.
     Raw,
 }
 
-/// Formats that are recognised in order to say that they are not read: by what they are called, and how a content
-/// type or a file's name gives them away.
-const NOT_READ: [(&str, &[&str]); 5] = [
-    ("nifti", &["nifti", "nii", "nii.gz"]),
-    ("metaimage", &["metaimage", "mha", "mhd"]),
-    ("npy", &["npy"]),
-    ("tiff", &["tiff", "tif"]),
-    ("dicom", &["dicom", "dcm", "zip", "tar"]),
-];
-
 impl Format {
-    /// The format by its name in the API (`nrrd`, `raw`).
-    ///
-    /// # Errors
-    /// Unsupported `format` for any other name.
-    pub fn from_name(name: &str) -> Result<Self, VolumeError> {
-        Self::from_hint(&name.to_ascii_lowercase())
-            .unwrap_or_else(|| Err(unknown(&format!("{} is not a format", excerpt(name)))))
+    /// Every format.
+    pub fn all() -> impl Iterator<Item = Self> {
+        TABLE.iter().map(|row| row.format)
     }
 
-    /// The format of an upload: by the parameter `format`, else by its content type, else by its first bytes.
+    /// Name in the API.
+    pub fn name(self) -> &'static str {
+        self.row().name
+    }
+
+    fn row(self) -> &'static Row {
+        TABLE.iter().find(|row| row.format == self).expect("every format has a row")
+    }
+
+    /// The format by its name in the API (`nrrd`, `raw`), or by what its files' names end in.
+    ///
+    /// # Errors
+    /// Unsupported `format` for any other name; says what to do where it knows the name.
+    pub fn from_name(name: &str) -> Result<Self, VolumeError> {
+        let bare = unwrapped_name(name);
+        by_hint(
+            |row| row.name == bare || row.endings.contains(&bare.as_str()),
+            |endings| endings.contains(&bare.as_str()),
+        )
+        .unwrap_or_else(|| Err(unknown(&format!("{} is not a format", excerpt(name)))))
+    }
+
+    /// The format of an upload: by the parameter `format`, else by its content type, else by its first bytes, which
+    /// may be wrapped.
     ///
     /// # Errors
     /// Unsupported `format` if it is none that is read; names it where it can.
@@ -46,60 +71,73 @@ impl Format {
         // `application/x-nrrd; version=5` -> `nrrd`
         let subtype = content_type.and_then(|t| t.split(';').next()).and_then(|t| t.split('/').nth(1));
         let subtype = subtype.unwrap_or_default().trim().to_ascii_lowercase();
-        Self::from_hint(subtype.trim_start_matches("x-"))
-            .or_else(|| Self::from_magic(first_bytes))
-            .unwrap_or_else(|| Err(unknown("not recognised by content type or first bytes")))
-    }
-
-    /// `None` for a hint that says nothing, such as `octet-stream`.
-    fn from_hint(hint: &str) -> Option<Result<Self, VolumeError>> {
-        match hint {
-            "nrrd" | "nhdr" => Some(Ok(Self::Nrrd)),
-            "raw" => Some(Ok(Self::Raw)),
-            _ => NOT_READ.iter().find(|(_, hints)| hints.contains(&hint)).map(|(name, _)| Err(not_read(name))),
+        let subtype = unwrapped_name(subtype.trim_start_matches("x-"));
+        let by_type = by_hint(
+            |row| row.name == subtype || row.content_types.contains(&subtype.as_str()),
+            |endings| endings.contains(&subtype.as_str()),
+        );
+        if let Some(format) = by_type {
+            return format;
         }
-    }
-
-    fn from_magic(bytes: &[u8]) -> Option<Result<Self, VolumeError>> {
-        let at = |offset: usize, magic: &[u8]| bytes.get(offset..).is_some_and(|rest| rest.starts_with(magic));
-        if at(0, b"NRRD") {
-            return Some(Ok(Self::Nrrd));
-        }
-        let name = if at(344, b"n+1\0") || at(344, b"ni1\0") {
-            "nifti"
-        } else if at(0, b"ObjectType") || at(0, b"NDims") {
-            "metaimage"
-        } else if at(0, b"\x93NUMPY") {
-            "npy"
-        } else if at(0, b"II*\0") || at(0, b"MM\0*") {
-            "tiff"
-        } else if at(128, b"DICM") || at(0, b"PK\x03\x04") || at(257, b"ustar") {
-            "dicom"
-        } else {
-            return None;
-        };
-        Some(Err(not_read(name)))
+        let limits = Limits::default();
+        let head = Input::new("format", Source::Bytes(first_bytes), None, &limits)?.head()?;
+        by_magic(&head).unwrap_or_else(|| Err(unrecognised("content type or first bytes", &head)))
     }
 
     /// By the end of a file's name, else by its first bytes.
-    fn of_file(path: &Path, first_bytes: &[u8]) -> Result<Self, VolumeError> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        let ends = name.split_once('.').map(|(_, ends)| ends).unwrap_or_default();
-        // `head.v2.nii.gz`: every part after a dot may begin the ending.
-        let mut hints = std::iter::successors(Some(ends), |ends| ends.split_once('.').map(|(_, rest)| rest));
-        hints
-            .find_map(Self::from_hint)
-            .or_else(|| Self::from_magic(first_bytes))
-            .unwrap_or_else(|| Err(unknown("not recognised by file name or first bytes")))
+    fn of_file(path: &Path, input: &mut Input) -> Result<Self, VolumeError> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = unwrapped_name(&name);
+        let ends_in = |endings: &[&str]| endings.iter().any(|ending| stem(&name, ending).is_some());
+        if let Some(format) = by_hint(|row| ends_in(row.endings), |endings| ends_in(endings)) {
+            return format;
+        }
+        let head = input.head()?;
+        by_magic(&head).unwrap_or_else(|| Err(unrecognised("file name or first bytes", &head)))
     }
 }
 
-fn not_read(name: &str) -> VolumeError {
-    unknown(&format!("`{name}` is not read by this version"))
+/// What a file is called without its format's ending: `head` for `head.nii.gz`.
+pub fn bare_name(file_name: &str) -> &str {
+    let name = unwrapped_name(file_name);
+    let endings = TABLE.iter().flat_map(|row| row.endings);
+    let bare = endings.filter_map(|ending| stem(&name, ending)).map(str::len).min();
+    // Lower case, as the endings are, has as many bytes.
+    let bare = bare.unwrap_or_else(|| Path::new(&name).file_stem().map_or(name.len(), |stem| stem.len()));
+    &file_name[..bare]
 }
 
-fn unknown(reason: &str) -> VolumeError {
-    VolumeError::unsupported("format", format!("{reason}; expected nrrd or raw"))
+/// `head` for `head.nii` and `nii`.
+fn stem<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
+    name.strip_suffix(ending)?.strip_suffix('.').filter(|stem| !stem.is_empty())
+}
+
+/// `None` for a hint that says nothing, such as `octet-stream`.
+fn by_hint(read: impl Fn(&Row) -> bool, not_read: impl Fn(&[&str]) -> bool) -> Option<Result<Format, VolumeError>> {
+    let known = TABLE.iter().find(|row| read(row)).map(|row| Ok(row.format));
+    known.or_else(|| NOT_READ.iter().find(|row| not_read(row.endings)).map(|row| Err(row.refusal())))
+}
+
+fn by_magic(head: &[u8]) -> Option<Result<Format, VolumeError>> {
+    let known = TABLE.iter().find(|row| (row.magic)(head)).map(|row| Ok(row.format));
+    known.or_else(|| NOT_READ.iter().find(|row| (row.magic)(head)).map(|row| Err(row.refusal())))
+}
+
+fn unrecognised(by: &str, head: &[u8]) -> VolumeError {
+    if Wrapping::of(head).is_some() {
+        return unknown("compressed twice; unpack it once");
+    }
+    unknown(&format!("not recognised by {by}"))
+}
+
+/// An error that lists what is read.
+pub(super) fn unknown(reason: &str) -> VolumeError {
+    let names: Vec<_> = Format::all().map(Format::name).collect();
+    let names = names.join(", ");
+    VolumeError::unsupported(
+        "format",
+        format!("{reason}; expected one of {names}, where raw means voxels without a header and needs dims and type"),
+    )
 }
 
 /// Reads a volume from the bytes of an upload.
@@ -107,11 +145,23 @@ fn unknown(reason: &str) -> VolumeError {
 /// # Errors
 /// Names `dims` if `format` is raw and `raw` does not say what it holds; otherwise those of the format.
 pub fn read_bytes(bytes: &[u8], format: Format, raw: Option<&RawSpec>, limits: &Limits) -> Result<Volume, VolumeError> {
-    let length = bytes.len() as u64;
-    match format {
-        Format::Nrrd => nrrd::read(bytes, length, None, limits),
-        Format::Raw => required(raw)?.read(&mut &bytes[..], length, limits),
-    }
+    read_chosen(bytes, format, raw, &Choice::default(), limits)
+}
+
+/// [`read_bytes`] of a file with several volumes.
+///
+/// # Errors
+/// As [`read_bytes`]; names `series` or `channel` if the choice is none of those in the file.
+pub fn read_chosen(
+    bytes: &[u8],
+    format: Format,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+) -> Result<Volume, VolumeError> {
+    let mut input = Input::new("data", Source::Bytes(bytes), raw, limits)?;
+    input.choice = choice.clone();
+    read(input, format)
 }
 
 /// Reads a volume from a file in the data directory, or in a directory inside it.
@@ -119,15 +169,21 @@ pub fn read_bytes(bytes: &[u8], format: Format, raw: Option<&RawSpec>, limits: &
 /// # Errors
 /// Names `path` if it is not a file inside the data directory; otherwise as [`read_bytes`].
 pub fn load_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>, limits: &Limits) -> Result<Volume, VolumeError> {
-    let mut opened = Opened::new(path, data_dir)?;
-    match opened.format {
-        Format::Nrrd => {
-            let directory = opened.path.parent().unwrap_or(data_dir);
-            let siblings = nrrd::Siblings { root: data_dir, directory };
-            nrrd::read(opened.reader, opened.length, Some(siblings), limits)
-        }
-        Format::Raw => required(raw)?.read(&mut opened.reader, opened.length, limits),
-    }
+    load_chosen(path, data_dir, raw, &Choice::default(), limits)
+}
+
+/// [`load_path`] of a file with several volumes, or a folder of files.
+///
+/// # Errors
+/// As [`load_path`]; names `series` or `channel` if the choice is none of those in the file.
+pub fn load_chosen(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+) -> Result<Volume, VolumeError> {
+    with_path(path, data_dir, raw, choice, limits, read)
 }
 
 /// Dims and type of the volume in a file, without its voxels: what a dry run needs.
@@ -135,31 +191,65 @@ pub fn load_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>, limits: &Li
 /// # Errors
 /// As [`load_path`], as far as the header goes.
 pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<([u32; 3], VoxelType), VolumeError> {
-    let mut opened = Opened::new(path, data_dir)?;
-    match opened.format {
-        Format::Nrrd => nrrd::read_header(&mut opened.reader).map(|header| (header.grid.dims, header.voxel_type)),
-        Format::Raw => required(raw).map(|raw| (raw.dims, raw.voxel_type)),
+    peek_chosen(path, data_dir, raw, &Choice::default())
+}
+
+/// [`peek_path`] of a file with several volumes, or a folder of files.
+///
+/// # Errors
+/// As [`load_chosen`], as far as the header goes.
+pub fn peek_chosen(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+) -> Result<([u32; 3], VoxelType), VolumeError> {
+    let peek = |mut input: Input, format: Format| {
+        check_choice(&input.choice, format)?;
+        (format.row().peek)(&mut input)
+    };
+    with_path(path, data_dir, raw, choice, &Limits::default(), peek)
+}
+
+/// Refuses a choice where there is nothing to choose.
+fn check_choice(choice: &Choice, format: Format) -> Result<(), VolumeError> {
+    let only = |field: &str, kind: Format| {
+        VolumeError::malformed(field, format!("only `{}` has it, and this is `{}`", kind.name(), format.name()))
+    };
+    if choice.series.is_some() && format != Format::Dicom {
+        return Err(only("series", Format::Dicom));
     }
-}
-
-fn required(raw: Option<&RawSpec>) -> Result<&RawSpec, VolumeError> {
-    raw.ok_or_else(|| VolumeError::malformed("dims", "missing; a raw file needs dims and type"))
-}
-
-struct Opened {
-    path: PathBuf,
-    reader: BufReader<std::fs::File>,
-    length: u64,
-    format: Format,
-}
-
-impl Opened {
-    fn new(path: &str, data_dir: &Path) -> Result<Self, VolumeError> {
-        let path = paths::resolve_inside(data_dir, data_dir, path, "path")?;
-        let (file, length) = paths::open(&path, "path")?;
-        let mut reader = BufReader::new(file);
-        let first_bytes = reader.fill_buf().map_err(|e| VolumeError::io("path", e))?;
-        let format = Format::of_file(&path, first_bytes)?;
-        Ok(Self { path, reader, length, format })
+    if choice.channel.is_some() && format != Format::Tiff {
+        return Err(only("channel", Format::Tiff));
     }
+    Ok(())
+}
+
+fn read(mut input: Input, format: Format) -> Result<Volume, VolumeError> {
+    check_choice(&input.choice, format)?;
+    let mut volume = (format.row().read)(&mut input)?;
+    match volume.nan_count {
+        0 => {}
+        1 => volume.about.note("1 voxel is NaN and shown as the lowest value"),
+        n => volume.about.note(format!("{n} voxels are NaN and shown as the lowest value")),
+    }
+    Ok(volume)
+}
+
+fn with_path<T>(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+    work: impl FnOnce(Input, Format) -> Result<T, VolumeError>,
+) -> Result<T, VolumeError> {
+    let path = paths::resolve_any(data_dir, data_dir, path, "path")?;
+    let is_folder = path.is_dir();
+    let source = if is_folder { Source::Folder(path.clone()) } else { Source::File(paths::open(&path, "path")?.0) };
+    let mut input = Input::new("path", source, raw, limits)?;
+    input.choice = choice.clone();
+    let format = if is_folder { Format::Dicom } else { Format::of_file(&path, &mut input)? };
+    input.siblings = Some(Siblings { root: data_dir, directory: path.parent().unwrap_or(data_dir) });
+    work(input, format)
 }

@@ -31,6 +31,34 @@ impl Grid {
         Self { dims, spacing, origin: DVec3::ZERO, direction: [DVec3::X, DVec3::Y, DVec3::Z] }
     }
 
+    /// A grid by what one step along each index axis is in the world; an error names `field` if the steps do not span
+    /// space.
+    pub(super) fn from_steps(
+        field: &str,
+        dims: [u32; 3],
+        steps: [DVec3; 3],
+        origin: DVec3,
+    ) -> Result<Self, VolumeError> {
+        let spacing = DVec3::from_array(steps.map(DVec3::length));
+        check_spacing(field, spacing)?;
+        // Adding 0 turns -0 into 0.
+        let direction = steps.map(|step| step.normalize() + DVec3::ZERO);
+        check_direction(field, direction)?;
+        let origin = origin + DVec3::ZERO;
+        check_origin(field, origin)?;
+        Ok(Self { dims, spacing, origin, direction })
+    }
+
+    /// The grid with these directions of its axes. Rounded numbers make nearly unit vectors; any other length is part
+    /// of the spacing. An error names `field` if they do not span space.
+    pub(super) fn turned(self, field: &str, directions: [DVec3; 3]) -> Result<Self, VolumeError> {
+        let unit = Self::from_steps(field, self.dims, directions, self.origin)?;
+        let rounded = (unit.spacing - DVec3::ONE).abs().max_element() < 1e-3;
+        let spacing = if rounded { self.spacing } else { self.spacing * unit.spacing };
+        check_spacing(field, spacing)?;
+        Ok(Self { spacing, ..unit })
+    }
+
     /// Whether the grid maps index space to the world and back.
     ///
     /// # Errors
@@ -106,7 +134,10 @@ pub(super) fn check_origin(field: &str, origin: DVec3) -> Result<(), VolumeError
     if origin.abs().cmple(DVec3::splat(LARGEST_LENGTH)).all() {
         Ok(())
     } else {
-        Err(VolumeError::malformed(field, format!("{origin} is not a position within {LARGEST_LENGTH:e}")))
+        Err(VolumeError::malformed(
+            field,
+            format!("{:?} is not a position within {LARGEST_LENGTH:e}", origin.to_array()),
+        ))
     }
 }
 
@@ -114,10 +145,10 @@ pub(super) fn check_origin(field: &str, origin: DVec3) -> Result<(), VolumeError
 pub(super) fn check_direction(field: &str, direction: [DVec3; 3]) -> Result<(), VolumeError> {
     let [x, y, z] = direction;
     if !direction.iter().all(|d| (d.length() - 1.0).abs() < 1e-6) {
-        return Err(VolumeError::malformed(field, format!("{x} {y} {z} are not unit vectors")));
+        return Err(VolumeError::malformed(field, format!("{x:.6} {y:.6} {z:.6} are not unit vectors")));
     }
     if DMat3::from_cols(x, y, z).determinant().abs() < SMALLEST_DETERMINANT {
-        return Err(VolumeError::malformed(field, format!("{x} {y} {z} lie in one plane")));
+        return Err(VolumeError::malformed(field, format!("{x:.6} {y:.6} {z:.6} lie in one plane")));
     }
     Ok(())
 }

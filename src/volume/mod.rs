@@ -3,20 +3,33 @@
 //! Architecture Invariant: nothing here knows the GPU, tokio or HTTP.
 
 mod about;
+mod archive;
+mod ascii;
 mod bricks;
 mod code_map;
 mod codes;
+mod dicom;
 mod error;
 pub mod format;
+mod formats;
 mod grid;
 mod histogram;
+mod input;
 mod limits;
+mod lines;
+mod metaimage;
+mod nifti;
+mod npy;
 pub mod nrrd;
 mod paths;
 pub mod procedural;
 mod raw;
 mod sample;
+mod scaled;
+mod tiff;
 mod voxels;
+mod vti;
+mod wrap;
 
 pub use about::About;
 pub use bricks::{BRICK, Bricks, CodeSet};
@@ -25,6 +38,7 @@ pub use error::VolumeError;
 pub use format::Format;
 pub use grid::Grid;
 pub use histogram::{Histogram, MAX_BINS};
+pub use input::Choice;
 pub use limits::{Limits, bytes_needed};
 pub use procedural::{ProceduralKind, ProceduralSpec};
 pub use raw::RawSpec;

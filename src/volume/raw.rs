@@ -5,7 +5,9 @@ use std::io::Read;
 use glam::DVec3;
 
 use super::error::excerpt;
-use super::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels};
+use super::input::Input;
+use super::voxels::data_error;
+use super::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, bytes_needed};
 
 /// What a headerless file holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,25 +49,48 @@ impl RawSpec {
         Ok(Self { dims: parse_triple("dims", dims)?, voxel_type, endian, spacing })
     }
 
-    /// Reads a volume from the `length` bytes of a file.
+    /// Reads a volume from a file of `length` bytes, or, where that is not known, from all that comes.
     ///
     /// # Errors
     /// Names `dims` if they are beyond the limits or do not fit the number of bytes, `spacing` if it is not positive.
-    pub fn read(&self, reader: &mut dyn Read, length: u64, limits: &Limits) -> Result<Volume, VolumeError> {
+    pub fn read(&self, reader: &mut dyn Read, length: Option<u64>, limits: &Limits) -> Result<Volume, VolumeError> {
         let count = limits.check("dims", self.dims, self.voxel_type)?;
         let grid = Grid::axis_aligned(self.dims, DVec3::from_array(self.spacing));
         grid.check()?;
         let expected = count as u64 * self.voxel_type.bytes();
-        if length != expected {
+        let wrong_length = |length: &str| {
             let Self { dims, voxel_type, .. } = self;
             let message = format!("{dims:?} voxels of type {voxel_type} are {expected} bytes, but there are {length}");
-            return Err(VolumeError::malformed("dims", message));
+            VolumeError::malformed("dims", message)
+        };
+        if let Some(length) = length.filter(|length| *length != expected) {
+            return Err(wrong_length(&length.to_string()));
         }
         let mut voxels = Voxels::empty(self.voxel_type);
         voxels.reserve("dims", count)?;
         voxels.append("data", reader, count, self.endian)?;
+        if reader.read(&mut [0]).map_err(|e| data_error("data", e))? > 0 {
+            return Err(wrong_length("more"));
+        }
         Volume::new(grid, voxels)
     }
+}
+
+/// Reads a file whose voxels may be wrapped, unless it has just the bytes that they have as they are: those may begin
+/// with any value.
+pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
+    let (spec, limits) = (*required(input.raw)?, input.limits);
+    let plain = input.open_wrapped()?.length == bytes_needed(spec.dims, spec.voxel_type);
+    let mut stream = if plain { input.open_wrapped()? } else { input.open()? };
+    spec.read(&mut stream.reader, stream.length, limits)
+}
+
+pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+    required(input.raw).map(|raw| (raw.dims, raw.voxel_type))
+}
+
+fn required(raw: Option<&RawSpec>) -> Result<&RawSpec, VolumeError> {
+    raw.ok_or_else(|| VolumeError::malformed("dims", "missing; a raw file needs dims and type"))
 }
 
 fn parse_triple<T: std::str::FromStr>(field: &str, text: &str) -> Result<[T; 3], VolumeError> {

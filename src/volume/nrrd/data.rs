@@ -5,17 +5,12 @@ use std::io::{self, BufRead, BufReader, Read, Take};
 use flate2::bufread::MultiGzDecoder;
 
 use super::{ByteSkip, Encoding, Header, Siblings};
-use crate::volume::error::excerpt;
 use crate::volume::paths;
-use crate::volume::sample::{Sample, with_voxels};
 use crate::volume::voxels::data_error;
 use crate::volume::{Limits, VolumeError, Voxels};
 
 /// No deflate stream expands by more than 1032:1.
 const MAX_INFLATION: u64 = 1032;
-
-/// Longest number in an `ascii` file: an `f64` may be written out in full.
-const MAX_NUMBER_BYTES: usize = 2048;
 
 /// Appends equal shares of the voxels from each file.
 pub(super) fn append_files(
@@ -52,7 +47,7 @@ pub(super) fn append<R: BufRead>(
 ) -> Result<(), VolumeError> {
     let expected = count as u64 * header.voxel_type.bytes();
     for _ in 0..header.line_skip {
-        if source.skip_until(b'\n').map_err(|e| VolumeError::io(field, e))? == 0 {
+        if source.skip_until(b'\n').map_err(|e| data_error(field, e))? == 0 {
             return Err(VolumeError::malformed("line skip", "more lines than there are"));
         }
     }
@@ -99,7 +94,7 @@ pub(super) fn append<R: BufRead>(
         }
         Encoding::Ascii => {
             skip_bytes(&mut source, skip)?;
-            with_voxels!(voxels, v => append_ascii(v, field, &mut source, count))
+            voxels.append_ascii(field, &mut source, count)
         }
     }
 }
@@ -111,42 +106,4 @@ fn skip_bytes(reader: &mut impl Read, skip: u64) -> Result<(), VolumeError> {
     } else {
         Err(VolumeError::malformed("byte skip", format!("{skip} bytes, but there are {skipped}")))
     }
-}
-
-/// Numbers with white space or commas between them.
-fn append_ascii<T: Sample>(
-    out: &mut Vec<T>,
-    field: &str,
-    reader: &mut impl BufRead,
-    count: usize,
-) -> Result<(), VolumeError> {
-    let separates = |byte: u8| byte.is_ascii_whitespace() || byte == b',';
-    let mut bytes = reader.bytes();
-    let mut number = String::new();
-    let mut done = 0;
-    while done < count {
-        let byte = bytes.next().transpose().map_err(|e| VolumeError::io(field, e))?;
-        match byte {
-            Some(byte) if !separates(byte) => {
-                number.push(char::from(byte));
-                if number.len() > MAX_NUMBER_BYTES {
-                    return Err(VolumeError::malformed(field, format!("{} is not a number", excerpt(&number))));
-                }
-            }
-            None if number.is_empty() => {
-                return Err(VolumeError::malformed(field, format!("truncated: expected {count} numbers, got {done}")));
-            }
-            _ if number.is_empty() => {}
-            _ => {
-                let value = number.parse().map_err(|_| {
-                    let message = format!("{} at index {done} is not a value of the type", excerpt(&number));
-                    VolumeError::malformed(field, message)
-                })?;
-                out.push(value);
-                number.clear();
-                done += 1;
-            }
-        }
-    }
-    Ok(())
 }

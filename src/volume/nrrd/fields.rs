@@ -5,12 +5,7 @@ use std::io::BufRead;
 
 use crate::volume::VolumeError;
 use crate::volume::error::excerpt;
-
-/// Bytes of a whole header.
-const MAX_HEADER_BYTES: u64 = 1 << 20;
-
-/// Bytes of one of its lines: content fields list whole processing histories.
-const MAX_LINE_BYTES: u64 = 1 << 16;
+use crate::volume::lines::Lines;
 
 /// Most names in a list of data files.
 pub(super) const MAX_DATA_FILES: usize = 4096;
@@ -53,6 +48,8 @@ const FIELDS: &[&[&str]] = &[
 #[derive(Debug, Default)]
 pub(super) struct Fields {
     values: BTreeMap<&'static str, String>,
+    /// Fields and key/value pairs as they stand in the file.
+    pub(super) in_order: Vec<(String, String)>,
     /// Key/value pairs (`key:=value`).
     pub(super) metadata: BTreeMap<String, String>,
     /// Lines after `data file: LIST`.
@@ -72,7 +69,7 @@ impl Fields {
 
     /// Reads up to and including the empty line that ends a header, or to the end of a detached one.
     pub(super) fn read(reader: &mut impl BufRead) -> Result<Self, VolumeError> {
-        let mut lines = Lines { reader, left: MAX_HEADER_BYTES };
+        let mut lines = Lines::new(reader);
         let magic = lines.next()?.unwrap_or_default();
         if !matches!(magic.as_str(), "NRRD0001" | "NRRD0002" | "NRRD0003" | "NRRD0004" | "NRRD0005") {
             return Err(VolumeError::malformed("magic", format!("{} is not NRRD0001 to NRRD0005", excerpt(&magic))));
@@ -102,6 +99,7 @@ impl Fields {
             return Err(VolumeError::malformed("header", format!("{} is not `field: value`", excerpt(line))));
         };
         if let Some(value) = rest.strip_prefix('=') {
+            self.in_order.push((name.to_owned(), value.to_owned()));
             self.metadata.insert(name.to_owned(), value.to_owned());
             return Ok(());
         }
@@ -109,6 +107,7 @@ impl Fields {
         let Some(spellings) = FIELDS.iter().find(|spellings| spellings.contains(&lower.as_str())) else {
             return Err(VolumeError::malformed("header", format!("{} is not a field of the format", excerpt(name))));
         };
+        self.in_order.push((spellings[0].to_owned(), rest.trim().to_owned()));
         if self.values.insert(spellings[0], rest.trim().to_owned()).is_some() {
             return Err(VolumeError::malformed(spellings[0], "given twice"));
         }
@@ -119,33 +118,4 @@ impl Fields {
 /// Whether the value of `data file` says that names follow, one on each line.
 pub(super) fn is_list(value: &str) -> bool {
     value.split_whitespace().next() == Some("LIST")
-}
-
-struct Lines<'a, R> {
-    reader: &'a mut R,
-    left: u64,
-}
-
-impl<R: BufRead> Lines<'_, R> {
-    /// The next line without its end; `None` at the end of the file.
-    fn next(&mut self) -> Result<Option<String>, VolumeError> {
-        let mut line = Vec::new();
-        let allowed = self.left.min(MAX_LINE_BYTES);
-        // `Read::take` of the reference: the limit is the line's, the reader stays ours.
-        let read = std::io::Read::take(&mut *self.reader, allowed)
-            .read_until(b'\n', &mut line)
-            .map_err(|e| VolumeError::io("header", e))? as u64;
-        let ended = line.last() == Some(&b'\n');
-        if !ended && read == allowed {
-            let message = format!("longer than {MAX_HEADER_BYTES} bytes, or a line longer than {MAX_LINE_BYTES}");
-            return Err(VolumeError::malformed("header", message));
-        }
-        self.left -= read;
-        if read == 0 {
-            return Ok(None);
-        }
-        // The format is ASCII, but comments and descriptions come in any encoding.
-        let text = String::from_utf8_lossy(&line);
-        Ok(Some(text.trim_end_matches(['\n', '\r']).to_owned()))
-    }
 }

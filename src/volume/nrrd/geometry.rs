@@ -66,7 +66,7 @@ impl Space {
             let message = format!("{} is not supported; expected 3", excerpt(text));
             return Err(VolumeError::unsupported("space dimension", message));
         }
-        let name = fields.get("space").unwrap_or_default().to_ascii_lowercase();
+        let name = space_name(fields);
         let signs = match name.as_str() {
             "right-anterior-superior" | "ras" => [-1.0, -1.0, 1.0],
             "left-anterior-superior" | "las" => [1.0, -1.0, 1.0],
@@ -79,6 +79,17 @@ impl Space {
         }
         Ok(Self { lps_from_space: DVec3::from_array(signs) })
     }
+}
+
+fn space_name(fields: &Fields) -> String {
+    fields.get("space").unwrap_or_default().to_ascii_lowercase()
+}
+
+/// Whether the axes of the header's space are the patient's.
+pub(super) fn is_patient_space(fields: &Fields) -> bool {
+    let anatomical =
+        ["right-anterior-superior", "ras", "left-anterior-superior", "las", "left-posterior-superior", "lps"];
+    anatomical.contains(&space_name(fields).as_str())
 }
 
 fn sizes(text: &str, dimension: usize) -> Result<Vec<u32>, VolumeError> {

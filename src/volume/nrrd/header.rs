@@ -6,7 +6,7 @@ use std::io::BufRead;
 use super::fields::{Fields, MAX_DATA_FILES, is_list};
 use super::geometry;
 use crate::volume::error::excerpt;
-use crate::volume::{Endian, Grid, VolumeError, VoxelType};
+use crate::volume::{About, Endian, Grid, VolumeError, VoxelType};
 
 /// A valid header: everything but the voxels.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +61,13 @@ pub enum ByteSkip {
 /// # Errors
 /// Names the field that is missing, malformed or not supported; `magic` or `header` where there is none.
 pub fn read_header(reader: &mut impl BufRead) -> Result<Header, VolumeError> {
+    read_with_about(reader).map(|(header, _)| header)
+}
+
+/// [`read_header`], with its fields as text.
+pub(super) fn read_with_about(reader: &mut impl BufRead) -> Result<(Header, About), VolumeError> {
     let fields = Fields::read(reader)?;
+    let about = about(&fields);
     let voxel_type = voxel_type(fields.require("type")?)?;
     let encoding = encoding(fields.require("encoding")?)?;
     let grid = geometry::grid(&fields)?;
@@ -69,7 +75,7 @@ pub fn read_header(reader: &mut impl BufRead) -> Result<Header, VolumeError> {
     if data == DataLocation::Attached && !fields.ended_by_empty_line {
         return Err(VolumeError::malformed("header", "no empty line before the data, and no `data file`"));
     }
-    Ok(Header {
+    let header = Header {
         grid,
         voxel_type,
         endian: endian(&fields, voxel_type, encoding)?,
@@ -78,7 +84,17 @@ pub fn read_header(reader: &mut impl BufRead) -> Result<Header, VolumeError> {
         line_skip: fields.get("line skip").map_or(Ok(0), |text| number("line skip", text))?,
         byte_skip: byte_skip(fields.get("byte skip").unwrap_or("0"), encoding)?,
         metadata: fields.metadata,
-    })
+    };
+    Ok((header, about))
+}
+
+/// What the header says besides, and that a scalar volume does not show.
+fn about(fields: &Fields) -> About {
+    let mut about = About { patient_axes: geometry::is_patient_space(fields), ..About::default() };
+    for (name, value) in &fields.in_order {
+        about.field(name, value);
+    }
+    about
 }
 
 /// A whole number that is not negative; an error names `field`.

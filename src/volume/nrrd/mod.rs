@@ -20,23 +20,16 @@ mod header;
 mod write;
 
 use std::io::BufRead;
-use std::path::Path;
 
 pub use header::{ByteSkip, DataLocation, Encoding, Header, read_header};
 pub use write::attached_header;
 
-use super::{Limits, Volume, VolumeError, Voxels};
+pub use super::input::Siblings;
 
-/// Where a detached header may find its data.
-#[derive(Clone, Copy, Debug)]
-pub struct Siblings<'a> {
-    /// The directory that no data file may be outside of.
-    pub root: &'a Path,
-    /// The header's own directory, which names of data files are relative to; inside `root`.
-    pub directory: &'a Path,
-}
+use super::input::Input;
+use super::{Limits, Volume, VolumeError, VoxelType, Voxels};
 
-/// Reads a volume from the `length` bytes of a header with or without attached data.
+/// Reads a volume from the `length` bytes of a header with or without attached data; `None` if that is not known.
 ///
 /// `siblings` is `None` for a header that did not come from a directory, which therefore must have its data attached.
 ///
@@ -44,16 +37,23 @@ pub struct Siblings<'a> {
 /// Names the header field at fault, or `data`. Sizes beyond `limits` are refused before anything is allocated.
 pub fn read(
     reader: impl BufRead,
-    length: u64,
+    length: impl Into<Option<u64>>,
     siblings: Option<Siblings>,
     limits: &Limits,
 ) -> Result<Volume, VolumeError> {
-    let mut source = reader.take(length);
-    let header = read_header(&mut source)?;
+    let length = length.into();
+    let mut source = reader.take(length.unwrap_or(u64::MAX));
+    let (header, about) = header::read_with_about(&mut source)?;
     let count = limits.check("sizes", header.grid.dims, header.voxel_type)?;
     let mut voxels = Voxels::empty(header.voxel_type);
     match &header.data {
-        DataLocation::Attached => data::append("data", &mut voxels, source, &header, count, limits)?,
+        DataLocation::Attached => {
+            if length.is_none() && header.byte_skip == ByteSkip::AllButData {
+                let message = "-1 in a compressed file; unpack it, or say how many bytes to skip";
+                return Err(VolumeError::unsupported("byte skip", message));
+            }
+            data::append("data", &mut voxels, source, &header, count, limits)?;
+        }
         DataLocation::Files(names) => {
             let siblings = siblings.ok_or_else(|| {
                 VolumeError::unsupported(
@@ -65,5 +65,17 @@ pub fn read(
             data::append_files(names, siblings, &mut voxels, &header, count, limits)?;
         }
     }
-    Volume::new(header.grid, voxels)
+    Ok(Volume::new(header.grid, voxels)?.with_about(about))
+}
+
+pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
+    let (siblings, limits) = (input.siblings, input.limits);
+    let mut stream = input.open()?;
+    let volume = read(&mut stream.reader, stream.length, siblings, limits)?;
+    stream.finish("data")?;
+    Ok(volume)
+}
+
+pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+    read_header(&mut input.open()?.reader).map(|header| (header.grid.dims, header.voxel_type))
 }

@@ -95,11 +95,12 @@ async fn nothing_remains_of_a_file_that_cannot_be_loaded() {
     let memory = server.state.renderer.memory();
     let nan = bytes_of([f32::NAN; 24]);
     let infinite = bytes_of([f32::INFINITY; 24]);
-    let uploads: [(&str, Vec<u8>, u16, &str); 9] = [
+    let uploads: [(&str, Vec<u8>, u16, &str); 10] = [
         ("", vec![0; 100], 415, "unknown_format"),
         ("format=gif", vec![0; 100], 415, "unknown_format"),
-        ("format=dicom", vec![0; 100], 415, "unknown_format"),
-        ("", b"\x93NUMPY\x01\x00".to_vec(), 415, "unknown_format"),
+        ("", b"\x89PNG\r\n".to_vec(), 415, "unknown_format"),
+        ("", b"\x93NUMPY\x01\x00".to_vec(), 400, "malformed"),
+        ("format=dicom", vec![0; 100], 400, "malformed"),
         ("", nrrd("unsigned char", &[0; 23]), 400, "malformed"),
         ("", nrrd("unsigned chair", &[0; 24]), 400, "malformed"),
         ("", nrrd("float", &nan), 400, "malformed"),
@@ -117,6 +118,19 @@ async fn nothing_remains_of_a_file_that_cannot_be_loaded() {
     assert_eq!(count(&server).await, 0);
     // Other tests use the same renderer at the same time: theirs is the only reason for a difference.
     assert!(server.state.renderer.memory().budget_bytes == memory.budget_bytes);
+}
+
+#[tokio::test]
+async fn a_wrapped_file_is_recognised_and_its_format_told() {
+    let server = Server::new(&[]);
+    let file = include_bytes!("../volume/fixtures/files/nifti1_gzip.nii.gz");
+    let answer = server.upload("", file.to_vec()).await;
+    assert_eq!(answer.status, 201, "{answer:?}");
+    let volume = answer.json();
+    assert_eq!(volume["source"], json!({ "upload": { "format": "nifti", "bytes": file.len() } }));
+    assert_eq!((&volume["dims"], &volume["voxel_type"]), (&json!([5, 4, 3]), &json!("i16")));
+    let formats = server.get("/v1/server").await.json()["features"]["volume_formats"].clone();
+    assert!(formats.as_array().is_some_and(|names| names.contains(&json!("nifti"))), "{formats}");
 }
 
 #[tokio::test]
@@ -194,6 +208,34 @@ async fn paths_stay_in_the_data_directory() {
         assert!(path.starts_with('/') || !text.contains(outside.path().to_str().expect("UTF-8")), "{text}");
     }
     assert_eq!(count(&server).await, 1);
+}
+
+#[tokio::test]
+async fn of_several_series_one_is_asked_for() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/dicom");
+    let server = Server::new(&["--data-dir", folder]);
+    let bytes = std::fs::read(format!("{folder}/several.zip")).expect("the fixture is there");
+    for (query, path) in [("", "series"), ("series=9", "series"), ("channel=0", "channel"), ("channel=x", "channel")] {
+        let answer = server.upload(query, bytes.clone()).await;
+        assert_eq!((answer.status.as_u16(), answer.path().as_str()), (422, path), "{query}: {answer:?}");
+    }
+    let answer = server.upload("", bytes.clone()).await;
+    let message = answer.json()["error"]["message"].to_string();
+    assert!(message.contains("series=5 (CT `Series 5 of Secret`, 4 slices)"), "{message}");
+    let answer = server.upload("series=5", bytes).await;
+    assert_eq!((answer.status.as_u16(), &answer.json()["dims"]), (201, &json!([5, 4, 4])), "{answer:?}");
+
+    let load = async |source: Value| server.post("/v1/volumes", &json!({ "source": source })).await;
+    let answer = load(json!({ "path": "several.zip", "series": "4" })).await;
+    assert_eq!((answer.status.as_u16(), &answer.json()["dims"]), (201, &json!([5, 4, 3])), "{answer:?}");
+    assert_eq!(answer.json()["source"], json!({ "path": "several.zip", "series": "4" }));
+    assert_eq!(load(json!({ "path": "several.zip" })).await.path(), "source.series");
+    let seriesless = json!({ "procedural": { "kind": "gyroid", "dims": [8, 8, 8] }, "series": "4" });
+    assert_eq!(load(seriesless).await.path(), "source.series");
+    // A folder of everything: the series that can be told apart are listed, and none is taken silently.
+    let answer = load(json!({ "path": "." })).await;
+    assert!(answer.status.is_client_error(), "{answer:?}");
+    assert_eq!(count(&server).await, 2);
 }
 
 #[tokio::test]

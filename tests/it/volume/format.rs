@@ -61,30 +61,52 @@ fn a_format_is_found_by_name_then_content_type_then_magic() {
     assert_eq!(detect(None, None, b"NRRD0001\n").expect("nrrd"), Format::Nrrd);
     assert_names(detect(None, None, b"?"), "format", "not recognised");
     assert_names(detect(None, None, b""), "format", "not recognised");
-    assert_names(detect(Some("vtk"), None, b"NRRD0005"), "format", "`vtk` is not a format");
+    assert_names(detect(Some("doc"), None, b"NRRD0005"), "format", "`doc` is not a format; expected one of nrrd, ");
+}
+
+#[test]
+fn every_format_has_a_name_by_which_it_is_found() {
+    let names: Vec<_> = Format::all().map(Format::name).collect();
+    for format in Format::all() {
+        assert_eq!(Format::from_name(format.name()).expect("its own name"), format);
+        assert_eq!(names.iter().filter(|name| **name == format.name()).count(), 1, "{names:?}");
+    }
+    assert_eq!(Format::from_name("NHDR").expect("an ending"), Format::Nrrd);
+    assert_names(Format::from_name("doc"), "format", &names.join(", "));
 }
 
 #[test]
 fn formats_that_are_not_read_are_refused_by_name() {
-    let mut nifti = vec![0; 352];
-    nifti[344..348].copy_from_slice(b"n+1\0");
-    let mut dicom = vec![0; 140];
-    dicom[128..132].copy_from_slice(b"DICM");
-    let magic: [(&str, &[u8]); 6] = [
-        ("nifti", &nifti),
-        ("dicom", &dicom),
-        ("dicom", b"PK\x03\x04..."),
-        ("npy", b"\x93NUMPY\x01"),
-        ("tiff", b"II*\0...."),
-        ("metaimage", b"ObjectType = Image"),
+    let mut minc = vec![0; 140];
+    minc[..4].copy_from_slice(b"CDF\x01");
+    let magic: [(&str, &[u8]); 4] = [
+        ("minc", &minc),
+        ("png", b"\x89PNG\r\n"),
+        ("matlab", b"MATLAB 5.0 MAT-file"),
+        ("vtk", b"# vtk DataFile Version 3.0"),
     ];
     for (name, bytes) in magic {
         assert_names(Format::detect(None, None, bytes), "format", &format!("`{name}` is not read"));
     }
-    for name in ["nifti", "metaimage", "npy", "tiff", "dicom"] {
+    for name in ["minc", "png", "hdf5", "mgh", "vtu", "jpeg"] {
         assert_names(Format::from_name(name), "format", &format!("`{name}` is not read"));
     }
-    assert_names(Format::detect(None, Some("image/tiff"), b""), "format", "`tiff` is not read");
+    assert_names(Format::detect(None, Some("image/png"), b""), "format", "a single picture");
+}
+
+#[test]
+fn a_volume_is_named_after_its_file_without_the_ending() {
+    let cases = [
+        ("head.nrrd", "head"),
+        ("Head.v2.NRRD.GZ", "Head.v2"),
+        ("a.raw.zst", "a"),
+        ("strange.bin", "strange"),
+        ("noending", "noending"),
+        (".nrrd", ".nrrd"),
+    ];
+    for (file, name) in cases {
+        assert_eq!(format::bare_name(file), name, "{file}");
+    }
 }
 
 #[test]
@@ -95,7 +117,7 @@ fn files_are_loaded_by_path_inside_the_data_directory_only() {
     let (_, bytes) = sample_voxels(VoxelType::U16, Endian::Big);
     fs::write(root.join("ct/a.raw"), &bytes).expect("written");
     fs::write(outside.path().join("secret.raw"), &bytes).expect("written");
-    fs::write(root.join("head.v2.nii.gz"), &bytes).expect("written");
+    fs::write(root.join("head.v2.mnc.gz"), &bytes).expect("written");
     fs::write(root.join("unknown"), &bytes).expect("written");
     let spec = spec(VoxelType::U16, Endian::Big);
     let load = |path: &str| format::load_path(path, &root, Some(&spec), &Limits::default());
@@ -111,7 +133,7 @@ fn files_are_loaded_by_path_inside_the_data_directory_only() {
     assert_names(load("ct"), "path", "is not a file");
     assert_names(load("missing.raw"), "path", "");
     assert_names(load("nul\0.raw"), "path", "");
-    assert_names(load("head.v2.nii.gz"), "format", "`nifti` is not read");
+    assert_names(load("head.v2.mnc.gz"), "format", "`minc` is not read");
     assert_names(load("unknown"), "format", "not recognised by file name");
     #[cfg(unix)]
     {

@@ -2,15 +2,27 @@
 
 mod bricks;
 mod code_map;
+mod dicom;
+mod dicom_errors;
+mod dicom_fuzz;
+mod documents;
 mod fixture;
 mod format;
+mod formats_fuzz;
 mod histogram;
+mod independent;
+mod metaimage;
+mod nifti;
+mod npy;
 mod nrrd;
 mod nrrd_errors;
 mod nrrd_files;
 mod nrrd_fuzz;
 mod procedural;
+mod tiff;
 mod voxels;
+mod vti;
+mod wrapping;
 
 use spao_server::volume::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, nrrd as nrrd_format};
 

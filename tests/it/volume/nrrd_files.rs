@@ -127,3 +127,22 @@ fn data_files_outside_the_directory_are_refused() {
         assert!(!load(root.path()).expect_err("an error").to_string().contains("secret"));
     }
 }
+
+#[test]
+fn a_wrapped_header_may_be_detached_but_not_count_from_the_end() {
+    let root = data_dir("");
+    let header =
+        "NRRD0001\ntype: unsigned short\ndimension: 3\nsizes: 2 3 4\nspacings: 1 1 1\nendian: big\nencoding: raw\n";
+    let load = |lines: &str, data: &[u8]| {
+        let file = [header.as_bytes(), lines.as_bytes(), data].concat();
+        fs::write(root.path().join("sub/tooth.nhdr.gz"), gzip(&file)).expect("written");
+        format::load_path("sub/tooth.nhdr.gz", root.path(), None, &Limits::default())
+    };
+    fs::write(root.path().join("sub/tooth.raw"), big_endian()).expect("written");
+    assert_eq!(load("data file: tooth.raw\n", b"").expect("loads").voxels, Voxels::U16(voxels()));
+    assert_eq!(
+        load("byte skip: 2\n\n", &[b"ab", &big_endian()[..]].concat()).expect("loads").voxels,
+        Voxels::U16(voxels())
+    );
+    assert_names(load("byte skip: -1\n\n", &big_endian()), "byte skip", "-1 in a compressed file");
+}

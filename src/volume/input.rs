@@ -1,0 +1,202 @@
+//! A file as the reader of a format gets it.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
+use std::path::{Path, PathBuf};
+
+use super::voxels::data_error;
+use super::wrap::Wrapping;
+use super::{Limits, RawSpec, VolumeError};
+
+/// Bytes of which a format can be recognised.
+const HEAD_BYTES: u64 = 1024;
+
+/// Most bytes of a file that is unwrapped as a whole: unlike a stream, it takes memory before its header is read.
+const MAX_UNWRAPPED_BYTES: u64 = 1 << 30;
+
+/// Where a file that is only a header may find its data.
+#[derive(Clone, Copy, Debug)]
+pub struct Siblings<'a> {
+    /// The directory that no data file may be outside of.
+    pub root: &'a Path,
+    /// The header's own directory, which names of data files are relative to; inside `root`.
+    pub directory: &'a Path,
+}
+
+/// The bytes of a file, wherever they are.
+#[derive(Debug)]
+pub(super) enum Source<'a> {
+    Bytes(&'a [u8]),
+    File(File),
+    /// For formats of many files.
+    Folder(PathBuf),
+}
+
+/// Which of several volumes in one file is meant.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// Of a DICOM archive: the series' number, its `SeriesInstanceUID` or the end of that.
+    pub series: Option<String>,
+    /// Of a microscope's file: the number of the channel, from 0.
+    pub channel: Option<u32>,
+}
+
+/// Bytes of a file for each byte of the largest volume: a number of eight bytes may be written in 32 characters.
+const MAX_UNWRAPPED_RATIO: u64 = 4;
+
+/// A file to read a volume from, already taken out of its wrapping.
+#[derive(Debug)]
+pub(super) struct Input<'a> {
+    source: Source<'a>,
+    wrapping: Option<Wrapping>,
+    /// What a header without data may use; `None` for an upload.
+    pub(super) siblings: Option<Siblings<'a>>,
+    /// What is said beside a file that has no header.
+    pub(super) raw: Option<&'a RawSpec>,
+    /// Which of several volumes is meant.
+    pub(super) choice: Choice,
+    /// How large the volume may be.
+    pub(super) limits: &'a Limits,
+}
+
+/// The bytes of a file from its beginning.
+pub(super) struct Stream<'a> {
+    pub(super) reader: Box<dyn BufRead + 'a>,
+    /// How many there are; `None` if that shows only when all are unwrapped.
+    pub(super) length: Option<u64>,
+}
+
+/// A file to jump about in.
+pub(super) trait ReadSeek: BufRead + Seek {}
+
+impl<T: BufRead + Seek> ReadSeek for T {}
+
+impl<'a> Input<'a> {
+    /// An error names `field` if the file cannot be read.
+    pub(super) fn new(
+        field: &str,
+        mut source: Source<'a>,
+        raw: Option<&'a RawSpec>,
+        limits: &'a Limits,
+    ) -> Result<Self, VolumeError> {
+        let mut magic = Vec::new();
+        if !matches!(source, Source::Folder(_)) {
+            open(&mut source)
+                .and_then(|(reader, _)| reader.take(4).read_to_end(&mut magic))
+                .map_err(|e| VolumeError::io(field, e))?;
+        }
+        Ok(Self { source, wrapping: Wrapping::of(&magic), siblings: None, raw, choice: Choice::default(), limits })
+    }
+
+    /// The folder, if it is one and not a file.
+    pub(super) fn folder(&self) -> Option<&Path> {
+        match &self.source {
+            Source::Folder(path) => Some(path),
+            Source::Bytes(_) | Source::File(_) => None,
+        }
+    }
+
+    /// The file as a stream from its beginning; may be asked for again. What is wrapped ends where no volume within
+    /// the limits would go on, so that time is limited too.
+    pub(super) fn open(&mut self) -> Result<Stream<'_>, VolumeError> {
+        let (reader, length) = open(&mut self.source).map_err(|e| VolumeError::io("path", e))?;
+        let most = self.limits.max_bytes.saturating_mul(MAX_UNWRAPPED_RATIO).max(MAX_UNWRAPPED_BYTES);
+        Ok(match self.wrapping {
+            None => Stream { reader, length: Some(length) },
+            Some(wrapping) => Stream { reader: Box::new(wrapping.unwrap(reader).take(most)), length: None },
+        })
+    }
+
+    /// The file as it is, with what it is wrapped in.
+    pub(super) fn open_wrapped(&mut self) -> Result<Stream<'_>, VolumeError> {
+        let (reader, length) = open(&mut self.source).map_err(|e| VolumeError::io("path", e))?;
+        Ok(Stream { reader, length: Some(length) })
+    }
+
+    /// The file for formats that are read by jumping about. What is wrapped is unwrapped into memory, and refused
+    /// when more than a GiB comes out, or more than the largest volume may have bytes.
+    pub(super) fn seekable(&mut self) -> Result<Box<dyn ReadSeek + '_>, VolumeError> {
+        if self.wrapping.is_some() {
+            let limit = self.limits.max_bytes.min(MAX_UNWRAPPED_BYTES);
+            let mut bytes = Vec::new();
+            let mut reader = self.open()?.reader.take(limit.saturating_add(1));
+            reader.read_to_end(&mut bytes).map_err(|e| data_error("file", e))?;
+            let needed = bytes.len() as u64;
+            if needed > limit {
+                let field = "file".to_owned();
+                return Err(VolumeError::TooLarge { field, unit: "bytes", needed: u128::from(needed), limit });
+            }
+            return Ok(Box::new(Cursor::new(bytes)));
+        }
+        Ok(match &mut self.source {
+            Source::Bytes(bytes) => Box::new(Cursor::new(*bytes)),
+            Source::File(file) => {
+                file.rewind().map_err(|e| VolumeError::io("path", e))?;
+                Box::new(BufReader::new(&*file))
+            }
+            Source::Folder(_) => return Err(VolumeError::io("path", io::ErrorKind::IsADirectory.into())),
+        })
+    }
+
+    /// The first bytes, at most 1024; fewer where the wrapping is broken.
+    pub(super) fn head(&mut self) -> Result<Vec<u8>, VolumeError> {
+        let mut head = Vec::new();
+        let read = self.open()?.reader.take(HEAD_BYTES).read_to_end(&mut head);
+        match read {
+            Err(e) if self.wrapping.is_none() => Err(VolumeError::io("path", e)),
+            _ => Ok(head),
+        }
+    }
+}
+
+fn open<'a>(source: &'a mut Source<'_>) -> io::Result<(Box<dyn BufRead + 'a>, u64)> {
+    Ok(match source {
+        Source::Bytes(bytes) => (Box::new(*bytes), bytes.len() as u64),
+        Source::File(file) => {
+            file.rewind()?;
+            let length = file.metadata()?.len();
+            // What is appended meanwhile is not part of it.
+            (Box::new(BufReader::new(&*file).take(length)), length)
+        }
+        Source::Folder(_) => return Err(io::ErrorKind::IsADirectory.into()),
+    })
+}
+
+impl Stream<'_> {
+    /// Skips what lies before the data; an error names `field` if the file ends before that.
+    pub(super) fn skip(&mut self, field: &str, bytes: u64) -> Result<(), VolumeError> {
+        let skipped = io::copy(&mut (&mut self.reader).take(bytes), &mut io::sink());
+        let skipped = skipped.map_err(|e| data_error(field, e))?;
+        if skipped == bytes {
+            Ok(())
+        } else {
+            Err(VolumeError::malformed(field, format!("{bytes} bytes before the data, but the file has {skipped}")))
+        }
+    }
+
+    /// Refuses a file that is too short for the data before memory is taken for them.
+    pub(super) fn expect_bytes(&self, field: &str, skipped: u64, expected: u64) -> Result<(), VolumeError> {
+        match self.length.map(|length| length.saturating_sub(skipped)) {
+            Some(got) if got < expected => {
+                Err(VolumeError::malformed(field, format!("truncated: expected {expected} bytes, got {got}")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Asks for one byte more than the data: checksums come after the last. What follows is ignored.
+    pub(super) fn finish(mut self, field: &str) -> Result<(), VolumeError> {
+        finish(&mut *self.reader, field)
+    }
+}
+
+/// [`Stream::finish`] for the end of any compressed data.
+pub(super) fn finish(reader: &mut dyn Read, field: &str) -> Result<(), VolumeError> {
+    match reader.read(&mut [0]) {
+        Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
+            Err(VolumeError::malformed(field, "truncated: the end of the compressed data is missing"))
+        }
+        Err(e) => Err(data_error(field, e)),
+        Ok(_) => Ok(()),
+    }
+}
