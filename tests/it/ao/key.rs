@@ -1,13 +1,13 @@
 //! What an accessibility volume is known by.
 
-use spao_server::ao::AoKey;
+use spao_server::ao::{AoKey, TileSet};
 use spao_server::scene::{AmbientOcclusion, Radius};
 use spao_server::volume::VolumeId;
 
 use super::support::{hybrid, mipmap, n_buffer, raytraced};
 
 fn key(settings: &AmbientOcclusion) -> AoKey {
-    AoKey::new(&VolumeId("v_1".into()), &[0, 1, 65535], settings)
+    AoKey::new(&VolumeId("v_1".into()), &[0, 1, 65535], &TileSet::full([2, 3, 1]), settings)
 }
 
 /// All different from each other.
@@ -80,10 +80,24 @@ fn a_hybrid_at_either_end_is_what_it_is_equal_to() {
 #[test]
 fn the_volume_and_every_opacity_are_part_of_the_key() {
     let settings = n_buffer(6, 1.0);
-    let key = |volume: &str, table: &[u16]| AoKey::new(&VolumeId(volume.into()), table, &settings);
+    let key = |volume: &str, table: &[u16]| AoKey::new(&VolumeId(volume.into()), table, &TileSet::full([1; 3]), &settings);
     assert_eq!(key("v_1", &[0, 1, 65535]), key("v_1", &[0, 1, 65535]));
     assert_ne!(key("v_1", &[0, 1, 65535]), key("v_2", &[0, 1, 65535]));
     assert_ne!(key("v_1", &[0, 1, 65535]), key("v_1", &[0, 1, 65534]));
     assert_ne!(key("v_1", &[0, 1, 65535]), key("v_1", &[0, 1, 65535, 0]));
     assert_eq!(key("v_1", &[]).volume(), &VolumeId("v_1".into()));
+}
+
+#[test]
+fn the_bricks_that_have_accessibility_are_part_of_the_key() {
+    let settings = n_buffer(6, 1.0);
+    let key = |wanted: &TileSet| AoKey::new(&VolumeId("v_1".into()), &[0, 1, 65535], wanted, &settings);
+    let one_of_six = |at| TileSet::of([2, 3, 1], |brick| brick == at);
+    let sets = [TileSet::empty([2, 3, 1]), TileSet::full([2, 3, 1]), one_of_six(0), one_of_six(5)];
+    for (i, a) in sets.iter().enumerate() {
+        assert_eq!(key(a), key(&a.clone()));
+        for b in &sets[i + 1..] {
+            assert_ne!(key(a), key(b), "{a:?} {b:?}");
+        }
+    }
 }

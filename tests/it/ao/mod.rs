@@ -1,6 +1,7 @@
 //! Accessibility: plans and keys, and the GPU against its twin in `reference`.
 
 mod analytic;
+mod incremental;
 mod key;
 mod layouts;
 mod plan;

@@ -1,6 +1,8 @@
-//! SPAO on the GPU against its twin. Levels have 16 bits, so what is left of an error is a few of their roundings.
+//! SPAO on the GPU against its twin. Levels have 16 bits, so what is left of an error is a few of their roundings, and
+//! where windows begin at every second cell only, that box means between them are interpolated.
 
 use glam::DVec3;
+use spao_server::ao::level_layouts;
 use spao_server::scene::{AmbientOcclusion, TransferFunction};
 use spao_server::volume::ProceduralKind;
 
@@ -12,11 +14,32 @@ use super::support::{
 const LARGEST: f64 = 0.05 * DISPLAY_STEP;
 const RMS: f64 = 0.01 * DISPLAY_STEP;
 
+/// The same with windows that begin at every second cell.
+const LARGEST_BETWEEN: f64 = 0.5 * DISPLAY_STEP;
+const RMS_BETWEEN: f64 = 0.05 * DISPLAY_STEP;
+
+/// Largest and root mean square error that is allowed for the settings.
+fn tolerance(dims: [u32; 3], settings: &AmbientOcclusion) -> (f64, f64) {
+    // Windows of one cell, those of mip levels, are interpolated by the twin as well.
+    let layouts = level_layouts(dims, settings);
+    let between = layouts.iter().any(|l| l.source.is_some_and(|s| s.scale == 2 && s.distance > 1));
+    if between { (LARGEST_BETWEEN, RMS_BETWEEN) } else { (LARGEST, RMS) }
+}
+
 #[track_caller]
 fn assert_like_twin(subject: &Subject, what: &str, transfer: &TransferFunction, settings: AmbientOcclusion) {
     let errors = errors(subject, transfer, settings, 120_000);
     let dims = subject.volume.grid.dims;
-    assert!(errors.are_within(LARGEST, RMS), "{dims:?}, {what}, {settings:?}: {errors:?}");
+    let (largest, rms) = tolerance(dims, &settings);
+    println!("MEAS {} {:.4} {:.4} {dims:?} {what} {settings:?}", largest > LARGEST, errors.largest * 255.0, errors.rms * 255.0);
+    assert!(errors.are_within(largest, rms), "{dims:?}, {what}, {settings:?}: {errors:?}");
+}
+
+#[test]
+fn only_windows_of_more_than_32_cells_are_compared_more_loosely() {
+    let loose = |settings| tolerance([61, 47, 33], &settings) == (LARGEST_BETWEEN, RMS_BETWEEN);
+    assert!(!loose(n_buffer(5, 2.0)) && !loose(mipmap(8, 2.0)) && !loose(hybrid(6, 2, 1.0)) && !loose(hybrid(6, 1, 1.0)));
+    assert!(loose(n_buffer(6, 0.0)) && loose(n_buffer(8, 1.0)) && loose(hybrid(8, 1, 1.0)));
 }
 
 #[test]
@@ -24,7 +47,9 @@ fn the_ct_head_over_n_buffers_is_like_its_twin() {
     let head = Subject::new(ct_head());
     for (name, transfer) in head_transfer_functions() {
         for factor in [0.0, 1.0] {
-            assert_like_twin(&head, name, &transfer, n_buffer(6, factor));
+            for levels in [5, 6] {
+                assert_like_twin(&head, name, &transfer, n_buffer(levels, factor));
+            }
         }
     }
 }
@@ -42,7 +67,7 @@ fn the_ct_head_over_mip_levels_and_hybrids_is_like_its_twin() {
 fn boxes_without_any_symmetry_are_like_their_twin_with_all_levels_and_factors() {
     let subject = Subject::new(boxes());
     let transfer = opacities(&[(20.0, 0.0), (200.0, 0.7)]);
-    for levels in [1, 3, 6, 8] {
+    for levels in [1, 3, 5, 6, 8] {
         for factor in [0.0, 0.5, 1.0, 2.0] {
             assert_like_twin(&subject, "boxes", &transfer, n_buffer(levels, factor));
         }
@@ -65,7 +90,7 @@ fn volumes_of_extreme_shapes_are_like_their_twin() {
     for dims in [[1, 1, 1], [1, 64, 3], [64, 1, 1], [1, 1, 64], [127, 5, 9], [2, 2, 2], [129, 9, 8], [7, 130, 2]] {
         let subject = Subject::new(random_volume(dims, DVec3::ONE));
         for factor in [0.0, 1.0] {
-            for settings in [n_buffer(6, factor), mipmap(6, factor), hybrid(6, 2, factor), n_buffer(8, factor)] {
+            for settings in [n_buffer(5, factor), mipmap(6, factor), hybrid(6, 2, factor), n_buffer(8, factor)] {
                 assert_like_twin(&subject, "random", &transfer, settings);
             }
         }
@@ -116,7 +141,7 @@ fn the_unit_of_opacity_and_unequal_spacing_are_like_the_twin() {
 /// A result and its twin at every voxel.
 fn control() -> (Subject, TransferFunction, AmbientOcclusion, Vec<f32>) {
     let subject = Subject::new(boxes());
-    let (transfer, settings) = (opacities(&[(20.0, 0.0), (200.0, 0.7)]), n_buffer(6, 1.0));
+    let (transfer, settings) = (opacities(&[(20.0, 0.0), (200.0, 0.7)]), n_buffer(5, 1.0));
     let gpu = subject.accessibility(&transfer, settings);
     (subject, transfer, settings, gpu)
 }
@@ -152,12 +177,29 @@ fn the_comparison_with_the_twin_notices_what_would_be_wrong() {
         assert!(!is_like(&gpu, &fields.twin_off_centre(&settings, &voxels, 0.5 * axis)), "{axis}");
         assert!(!is_like(&gpu, &fields.twin_off_centre(&settings, &voxels, -0.05 * axis)), "{axis}");
     }
-    for other in [n_buffer(5, 1.0), n_buffer(6, 0.99), mipmap(6, 1.0), hybrid(6, 1, 1.0)] {
+    for other in [n_buffer(4, 1.0), n_buffer(5, 0.99), mipmap(5, 1.0), hybrid(5, 1, 1.0)] {
         assert!(!is_like(&gpu, &fields.twin(&other, &voxels)), "{other:?}");
     }
     let mut perturbed = gpu.clone();
     perturbed[12_345] += 0.1 / 255.0;
     assert!(!is_like(&perturbed, &twin));
+}
+
+#[test]
+fn the_looser_comparison_notices_half_a_voxel_and_other_levels_and_factors() {
+    let (subject, transfer, _, _) = control();
+    let settings = n_buffer(6, 1.0);
+    let gpu = subject.accessibility(&transfer, settings);
+    let fields = Fields::new(&subject.volume, &transfer);
+    let voxels = some_voxels(&subject.volume, usize::MAX);
+    let is_like = |twin: &[f64]| Errors::between(&gpu, &voxels, twin).are_within(LARGEST_BETWEEN, RMS_BETWEEN);
+    assert!(is_like(&fields.twin(&settings, &voxels)));
+    for offset in [DVec3::X, DVec3::Y, DVec3::Z] {
+        assert!(!is_like(&fields.twin_off_centre(&settings, &voxels, 0.2 * offset)), "{offset}");
+    }
+    for other in [n_buffer(5, 1.0), n_buffer(6, 0.95), mipmap(6, 1.0), hybrid(6, 1, 1.0)] {
+        assert!(!is_like(&fields.twin(&other, &voxels)), "{other:?}");
+    }
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
+use spao_server::ao::{LevelLayout, WorkLists};
 use spao_server::reference::{OpacityField, RaytracedAo, SpaoAo, ValueField};
 use spao_server::render_thread::RenderHandle;
 use spao_server::scene::{
@@ -99,6 +100,38 @@ pub(super) fn raytraced(levels: u32, normal_factor: f64, rays: u32) -> AmbientOc
     AmbientOcclusion { method: AoMethod::Raytraced, rays, ..n_buffer(levels, normal_factor) }
 }
 
+/// The work of a build from nothing in which every tile and every brick takes part.
+pub(super) fn all_work(dims: [u32; 3], layouts: &[LevelLayout]) -> WorkLists {
+    let all = |places: [u32; 3]| (0..places.iter().product()).collect::<Vec<u32>>();
+    let bricks = all(dims.map(|n| n.div_ceil(8)));
+    WorkLists { levels: layouts.iter().map(|l| all(l.tiles())).collect(), bricks: bricks.clone(), wanted: bricks }
+}
+
+/// A scene that looks at the whole volume.
+pub(super) fn scene_of(
+    id: &VolumeId,
+    volume: &Volume,
+    transfer_function: &TransferFunction,
+    settings: AmbientOcclusion,
+) -> Scene {
+    let center = volume.grid.center();
+    let size = volume.grid.dims_vec() * volume.grid.spacing;
+    Scene {
+        volume: id.clone(),
+        transfer_function: transfer_function.clone(),
+        camera: Camera {
+            eye: center + DVec3::new(0.3, -2.0, 0.4) * size.max_element(),
+            target: center,
+            up: DVec3::Z,
+            projection: Projection::Perspective { fov_y_deg: 40.0 },
+        },
+        ambient_occlusion: settings,
+        lighting: Lighting::default(),
+        rendering: Rendering::default(),
+        viewport: Viewport::default(),
+    }
+}
+
 /// A volume on a render thread, taken off it when dropped.
 pub(super) struct Subject {
     pub(super) id: VolumeId,
@@ -120,22 +153,7 @@ impl Subject {
     }
 
     pub(super) fn scene(&self, transfer_function: &TransferFunction, settings: AmbientOcclusion) -> Scene {
-        let center = self.volume.grid.center();
-        let size = self.volume.grid.dims_vec() * self.volume.grid.spacing;
-        Scene {
-            volume: self.id.clone(),
-            transfer_function: transfer_function.clone(),
-            camera: Camera {
-                eye: center + DVec3::new(0.3, -2.0, 0.4) * size.max_element(),
-                target: center,
-                up: DVec3::Z,
-                projection: Projection::Perspective { fov_y_deg: 40.0 },
-            },
-            ambient_occlusion: settings,
-            lighting: Lighting::default(),
-            rendering: Rendering::default(),
-            viewport: Viewport::default(),
-        }
+        scene_of(&self.id, &self.volume, transfer_function, settings)
     }
 
     /// A at every voxel centre, by the GPU.

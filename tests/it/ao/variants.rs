@@ -1,12 +1,12 @@
 //! What must not change a result: how bindings are cut, when it is computed, and on which formats.
 
 use glam::DVec3;
-use spao_server::ao::{level_layouts, plan};
+use spao_server::ao::{Cuts, level_layouts};
 use spao_server::gpu::GpuOptions;
 use spao_server::render_thread::RenderHandle;
 use spao_server::scene::{AmbientOcclusion, AoMethod};
 
-use super::support::{Subject, boxes, hybrid, mipmap, n_buffer, opacities, random_volume, raytraced};
+use super::support::{Subject, all_work, boxes, hybrid, mipmap, n_buffer, opacities, random_volume, raytraced};
 
 fn spawn(options: GpuOptions) -> RenderHandle {
     RenderHandle::spawn(options).expect("tests need an adapter; a software one will do").0
@@ -16,12 +16,21 @@ fn with_bindings(bytes: u64) -> RenderHandle {
     spawn(GpuOptions { max_storage_binding_bytes: Some(bytes), ..GpuOptions::default() })
 }
 
+/// Number of steps of a build with bindings of at most so many bytes, if it has a plan.
+fn steps(dims: [u32; 3], settings: &AmbientOcclusion, largest_binding: u64, sampled: bool) -> Option<usize> {
+    let layouts = level_layouts(dims, settings);
+    // No gradient of values in [0, 1] is longer than 1/2 along an axis.
+    let half_offset = 0.25 * settings.normal_factor;
+    let cuts = Cuts { dims, layouts: &layouts, largest_binding, sampled, half_offset };
+    cuts.plan(settings, &all_work(dims, &layouts)).map(|steps| steps.len())
+}
+
 /// The smallest binding, in steps of a sixteenth of the largest level, with which a build has a plan at all.
-fn tightest_binding(dims: [u32; 3], settings: &AmbientOcclusion) -> u64 {
+fn tightest_binding(dims: [u32; 3], settings: &AmbientOcclusion, sampled: bool) -> u64 {
     let layouts = level_layouts(dims, settings);
     let largest = layouts.iter().map(|l| l.bytes()).max().expect("levels");
     let mut bindings = (1..16).map(|n| (largest * n / 16).next_multiple_of(256));
-    bindings.find(|&b| plan(dims, settings, &layouts, b).is_some()).expect("less than everything suffices")
+    bindings.find(|&b| steps(dims, settings, b, sampled).is_some()).expect("less than everything suffices")
 }
 
 #[test]
@@ -30,12 +39,12 @@ fn windows_of_levels_give_the_same_bits_as_whole_levels() {
     let whole = Subject::new(boxes());
     let dims = whole.volume.grid.dims;
     for settings in [n_buffer(5, 1.0), n_buffer(5, 0.0), mipmap(6, 2.0), hybrid(6, 2, 1.0), raytraced(3, 1.0, 16)] {
-        let binding = tightest_binding(dims, &settings);
+        let sampled = whole.renderer.info().texture_16bit_norm && settings.method == AoMethod::Spao;
+        let binding = tightest_binding(dims, &settings, sampled);
         let layouts = level_layouts(dims, &settings);
         assert!(layouts.iter().any(|l| l.bytes() > binding), "{settings:?}: {binding} bytes hold every level");
         if settings.method == AoMethod::Spao {
-            let steps = |binding| plan(dims, &settings, &layouts, binding).map(|steps| steps.len());
-            assert!(steps(binding) > steps(u64::MAX), "{settings:?}");
+            assert!(steps(dims, &settings, binding, sampled) > steps(dims, &settings, u64::MAX, sampled), "{settings:?}");
         }
         let windowed = Subject::on(with_bindings(binding), boxes());
         let (a, b) = (whole.accessibility(&transfer, settings), windowed.accessibility(&transfer, settings));

@@ -144,7 +144,7 @@ fn a_pass_that_cannot_be_compiled_is_an_error_that_names_it() {
     let unknown = error(ComputeStage::new(&gpu, "no_such_pass", &[], &[], &[]));
     assert!(unknown.contains("no_such_pass"), "{unknown}");
     let levels = error(ComputeStage::new(&gpu, "ao_spao", &[], &[], &[]));
-    assert!(levels.contains("ao_spao.wgsl") && levels.contains("LEVELS"), "{levels}");
+    assert!(levels.contains("spao_sampled.wgsl") && levels.contains("LEVELS"), "{levels}");
     let constant = error(ComputeStage::new(&gpu, "ao_classify", &[], &[], &[("NO_SUCH_CONSTANT", 1.0)]));
     assert!(constant.starts_with("ao_classify: "), "{constant}");
     ComputeStage::new(&gpu, "ao_classify", &[], &[], &[]).expect("this one is fine");

@@ -3,11 +3,13 @@
 use std::collections::BTreeSet;
 
 use spao_server::ao::{
-    ClassifyParams, LevelInfo, MAX_LEVELS, MipmapParams, NBufferParams, RaytracedParams, SpaoParams, SurfaceParams,
+    ClassifyParams, CollectBricksParams, CollectParams, LevelInfo, LevelTiles, MAX_LEVELS, MipmapParams, NBufferParams,
+    RaytracedParams, SpaoParams, SurfaceParams,
 };
 use spao_server::gpu::{Uniform, assemble, stems};
-use spao_server::renderer::{BRICK, GradientParams, Light, RaycastParams};
+use spao_server::renderer::{GradientParams, Light, RaycastParams};
 use spao_server::scene::MAX_CLIP_PLANES;
+use spao_server::volume::BRICK;
 
 fn module(stem: &str) -> naga::Module {
     let assembled = assemble(stem, &[("LEVELS", 8)], &[]).unwrap_or_else(|e| panic!("{e}"));
@@ -40,8 +42,11 @@ fn differences<T: Uniform>() -> Vec<String> {
 fn every_struct_is_laid_out_like_its_twin() {
     let all = [
         differences::<ClassifyParams>(),
+        differences::<CollectBricksParams>(),
+        differences::<CollectParams>(),
         differences::<GradientParams>(),
         differences::<LevelInfo>(),
+        differences::<LevelTiles>(),
         differences::<Light>(),
         differences::<MipmapParams>(),
         differences::<NBufferParams>(),
@@ -60,6 +65,8 @@ fn every_uniform_block_of_every_shader_has_a_twin() {
     }
     let compared: BTreeSet<(&str, &str)> = [
         name::<ClassifyParams>(),
+        name::<CollectBricksParams>(),
+        name::<CollectParams>(),
         name::<GradientParams>(),
         name::<MipmapParams>(),
         name::<NBufferParams>(),
@@ -69,17 +76,19 @@ fn every_uniform_block_of_every_shader_has_a_twin() {
         name::<SurfaceParams>(),
     ]
     .into();
-    for stem in stems() {
+    // Passes that only serve measurements keep their structs to themselves.
+    let served = || stems().filter(|stem| !stem.starts_with("bench_"));
+    for stem in served() {
         let module = module(stem);
         let uniforms = module.global_variables.iter().filter(|(_, v)| v.space == naga::AddressSpace::Uniform);
         let names: Vec<_> = uniforms.map(|(_, v)| module.types[v.ty].name.clone().unwrap_or_default()).collect();
         assert_eq!(names.len(), 1, "{stem} has one uniform block, at binding 0");
         assert!(compared.contains(&(stem, names[0].as_str())), "{stem} declares {names:?}");
     }
-    assert_eq!(compared.len(), stems().count());
+    assert_eq!(compared.len(), served().count());
 }
 
-/// Declares a wrong twin of `ClassifyParams`.
+/// Declares a wrong twin of `MipmapParams`.
 macro_rules! wrong_twin {
     ($name:ident, $wgsl:literal, { $($field:ident : $ty:ty),* }) => {
         #[repr(C)]
@@ -87,7 +96,7 @@ macro_rules! wrong_twin {
         struct $name { $($field: $ty),* }
 
         impl Uniform for $name {
-            const STEM: &'static str = "ao_classify";
+            const STEM: &'static str = "ao_mipmap_level";
             const WGSL_NAME: &'static str = $wgsl;
             fn offsets() -> Vec<(&'static str, usize)> {
                 let all = [$((stringify!($field), std::mem::offset_of!($name, $field))),*];
@@ -97,20 +106,23 @@ macro_rules! wrong_twin {
     };
 }
 
-wrong_twin!(Right, "ClassifyParams", {
-    level: LevelInfo, dims: [u32; 3], first_slice: u32, slice_count: u32, code_scale: f32, _padding: [u32; 2]
+wrong_twin!(Right, "MipmapParams", {
+    source: LevelInfo, target_level: LevelInfo, tiles: [u32; 3], first_flag: u32, offset: i32, _padding: [u32; 3]
 });
-wrong_twin!(Swapped, "ClassifyParams", {
-    level: LevelInfo, dims: [u32; 3], slice_count: u32, first_slice: u32, code_scale: f32, _padding: [u32; 2]
+wrong_twin!(Swapped, "MipmapParams", {
+    source: LevelInfo, target_level: LevelInfo, tiles: [u32; 3], offset: i32, first_flag: u32, _padding: [u32; 3]
 });
-wrong_twin!(Shifted, "ClassifyParams", {
-    level: LevelInfo, _padding: u32, dims: [u32; 3], first_slice: u32, slice_count: u32, code_scale: f32, _end: u32
+wrong_twin!(Shifted, "MipmapParams", {
+    source: LevelInfo, target_level: LevelInfo, _padding: u32, tiles: [u32; 3], first_flag: u32, offset: i32,
+    _end: [u32; 2]
 });
-wrong_twin!(Unpadded, "ClassifyParams", {
-    level: LevelInfo, dims: [u32; 3], first_slice: u32, slice_count: u32, code_scale: f32
+wrong_twin!(Unpadded, "MipmapParams", {
+    source: LevelInfo, target_level: LevelInfo, tiles: [u32; 3], first_flag: u32, offset: i32
 });
-wrong_twin!(Short, "ClassifyParams", { level: LevelInfo, dims: [u32; 3], first_slice: u32, _padding: [u32; 4] });
-wrong_twin!(Nameless, "ClassifyParameters", { level: LevelInfo });
+wrong_twin!(Short, "MipmapParams", {
+    source: LevelInfo, target_level: LevelInfo, tiles: [u32; 3], first_flag: u32, _padding: [u32; 4]
+});
+wrong_twin!(Nameless, "MipmapParameters", { source: LevelInfo });
 
 #[test]
 fn the_comparison_of_twins_notices_order_offset_size_and_name() {
@@ -163,7 +175,14 @@ fn array_length(stem: &str, block: &str, field: &str) -> u32 {
 
 #[test]
 fn arrays_in_uniform_blocks_hold_as_much_as_settings_allow() {
-    assert_eq!(array_length("ao_spao", "SpaoParams", "levels") as usize, MAX_LEVELS);
+    for (stem, block, field) in [
+        ("ao_spao", "SpaoParams", "levels"),
+        ("ao_spao", "SpaoParams", "inverse_sizes"),
+        ("ao_collect_bricks", "CollectBricksParams", "levels"),
+        ("ao_collect_bricks", "CollectBricksParams", "level_tiles"),
+    ] {
+        assert_eq!(array_length(stem, block, field) as usize, MAX_LEVELS, "{block}.{field}");
+    }
     let sides_of_the_clip_box = 6;
     let planes = array_length("raycast", "RaycastParams", "clip_planes");
     assert_eq!(planes as usize, MAX_CLIP_PLANES + sides_of_the_clip_box);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 use spao_server::gpu::GpuOptions;
-use spao_server::renderer::{AoPolicy, FrameRequest, RenderError, Renderer};
+use spao_server::renderer::{AoPolicy, Coverage, FrameRequest, RenderError, Renderer};
 use spao_server::scene::Scene;
 use spao_server::volume::VolumeId;
 
@@ -38,7 +38,7 @@ fn a_volume_that_nobody_added_is_unknown() {
     let unknown = |error: RenderError| matches!(error, RenderError::UnknownVolume(id) if id.0 == "v_other");
     assert!(unknown(studio.renderer.render(&request(&scene, 8, 8)).expect_err("unknown")));
     assert!(unknown(studio.renderer.accessibility(Arc::new(scene.clone())).expect_err("unknown")));
-    assert!(unknown(studio.renderer.fresh_ao_build(&scene).expect_err("unknown")));
+    assert!(unknown(studio.renderer.fresh_ao_build(&scene, Coverage::Everywhere).expect_err("unknown")));
     studio.renderer.remove_volume(&scene.volume);
     assert_eq!(studio.renderer.memory(), before);
 }
@@ -111,7 +111,7 @@ fn finished_accessibility_makes_room_for_what_is_wanted_now() {
     assert_eq!(ample.memory().ao_cache_bytes, 4 * result_bytes);
     // The largest build, its result included.
     let before = ample.memory().used_bytes;
-    let build = ample.fresh_ao_build(&scene(4)).expect("it fits");
+    let build = ample.fresh_ao_build(&scene(4), Coverage::Everywhere).expect("it fits");
     let build_bytes = ample.memory().used_bytes - before;
     drop(build);
     assert_eq!(ample.memory().used_bytes, before);

@@ -1,7 +1,7 @@
 //! Empty-space skipping: the map of distances, and that rays that leap see the same.
 
 use serde_json::{Value, json};
-use spao_server::renderer::{BRICK, brick_distance};
+use spao_server::renderer::brick_distance;
 use spao_server::scene::{Scene, TransferTable};
 use spao_server::volume::{ProceduralKind, Volume};
 
@@ -55,7 +55,7 @@ fn invisible_bricks(volume: &Volume, scene: &Scene) -> f64 {
     let grid = &volume.grid;
     let step = grid.smallest_spacing() / scene.rendering.sampling_rate;
     let table = TransferTable::new(&scene.transfer_function, &volume.code_map, step, grid.smallest_spacing());
-    let ranges = volume.brick_ranges(BRICK).ranges;
+    let ranges = volume.bricks().ranges;
     ranges.iter().filter(|[low, high]| !table.any_visible(*low, *high)).count() as f64 / ranges.len() as f64
 }
 
