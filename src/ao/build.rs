@@ -7,7 +7,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::plan::{Step, SUBMISSION_COST, WorkLists, sample_row_words};
+use super::plan::{SUBMISSION_COST, Step, WorkLists, sample_row_words};
 use super::pyramid::Pyramid;
 use super::raytraced::Tracer;
 use super::stages::{AoStages, sample_format};
@@ -142,7 +142,8 @@ impl AoBuild {
         };
         let sample_bytes = u64::from(row_words) * 4 * u64::from(dims[1]) * u64::from(slices.unwrap_or(1).min(dims[2]));
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let samples = if sampled { None } else { Some(gpu.buffer("ao samples", Category::AoScratch, sample_bytes, storage)?) };
+        let samples =
+            if sampled { None } else { Some(gpu.buffer("ao samples", Category::AoScratch, sample_bytes, storage)?) };
         let mut usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::COPY_SRC;
         if sampled {
@@ -177,8 +178,7 @@ impl AoBuild {
         });
         let lists = work.levels.iter().chain([&work.bricks, &work.wanted]);
         let candidates: Vec<u32> = lists.flatten().copied().collect();
-        let candidates =
-            gpu.storage_with("ao candidates", Category::AoScratch, bytemuck::cast_slice(&candidates))?;
+        let candidates = gpu.storage_with("ao candidates", Category::AoScratch, bytemuck::cast_slice(&candidates))?;
         let dispatches = dispatches(gpu, &steps, &pyramid.borrow())?;
         Ok(Self {
             source,
@@ -290,7 +290,8 @@ impl AoBuild {
     /// Share of the work that is done, in [0, 1]: of the rows where rays are traced, else of the steps.
     pub fn fraction(&self) -> f64 {
         let all_rows = f64::from(self.dims[1]) * f64::from(self.dims[2]);
-        let traced = self.steps.iter().find_map(|(_, step)| if let Step::Trace(rows) = step { Some(rows) } else { None });
+        let traced =
+            self.steps.iter().find_map(|(_, step)| if let Step::Trace(rows) = step { Some(rows) } else { None });
         let left = match traced {
             Some(rows) => rows.len() as f64 / all_rows,
             None => self.steps.len() as f64 / self.all_steps.len().max(1) as f64,
@@ -344,10 +345,7 @@ impl AoBuild {
     }
 
     /// Takes the next step if `wished`.
-    fn next_step(
-        &mut self,
-        wished: impl FnOnce(&Step, &[super::levels::LevelLayout]) -> bool,
-    ) -> Option<(u32, Step)> {
+    fn next_step(&mut self, wished: impl FnOnce(&Step, &[super::levels::LevelLayout]) -> bool) -> Option<(u32, Step)> {
         let (_, step) = self.steps.front()?;
         if !wished(step, &self.pyramid.borrow().layouts) {
             return None;

@@ -29,9 +29,14 @@ impl AoKey {
     pub fn new(volume: &VolumeId, opacity_table: &[u16], wanted: &TileSet, settings: &AmbientOcclusion) -> Self {
         let numbers = match settings.method {
             AoMethod::Off => [0; 6],
-            AoMethod::Spao => {
-                [u64::from(settings.levels), u64::from(settings.halved_levels()), settings.normal_factor.to_bits(), 0, 0, 0]
-            }
+            AoMethod::Spao => [
+                u64::from(settings.levels),
+                u64::from(settings.halved_levels()),
+                settings.normal_factor.to_bits(),
+                0,
+                0,
+                0,
+            ],
             AoMethod::Raytraced => {
                 let (kind, reach) = match settings.radius {
                     Radius::SameAsLevels => (0, u64::from(settings.levels)),

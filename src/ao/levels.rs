@@ -82,14 +82,7 @@ impl LevelLayout {
         Self::new(dims, self.shift + 1, distance, origin, TILE_HEIGHT.max(distance), Some(source))
     }
 
-    fn new(
-        dims: [u32; 3],
-        shift: u32,
-        width: u32,
-        origin: u32,
-        height: u32,
-        source: Option<LevelSource>,
-    ) -> Self {
+    fn new(dims: [u32; 3], shift: u32, width: u32, origin: u32, height: u32, source: Option<LevelSource>) -> Self {
         // Two cells of rim: the last word of a row has no other.
         let extent = dims.map(|n| n.div_ceil(1 << shift) + origin + 2);
         let row_words = extent[0].div_ceil(2).next_multiple_of(ROW_ALIGNMENT_WORDS);
@@ -157,12 +150,7 @@ impl LevelLayout {
     }
 
     /// Cells along `axis` of the level before, whose layout is `before`, that the cells `cells` are made from.
-    pub fn source_cells(
-        &self,
-        before: &LevelLayout,
-        axis: usize,
-        cells: std::ops::Range<u32>,
-    ) -> std::ops::Range<u32> {
+    pub fn source_cells(&self, before: &LevelLayout, axis: usize, cells: std::ops::Range<u32>) -> std::ops::Range<u32> {
         let Some(source) = self.source else { return 0..0 };
         let (scale, offset) = (i64::from(source.scale), i64::from(source.offset));
         let last = i64::from(before.extent[axis]) - 1;

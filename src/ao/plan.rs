@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::levels::LevelLayout;
-use crate::volume::BRICK;
 use crate::scene::{AmbientOcclusion, AoMethod, Radius};
+use crate::volume::BRICK;
 
 /// Cells of the largest step: a fraction of a second even on two CPU cores, so that another scene never waits longer
 /// for its turn.
@@ -206,9 +206,7 @@ impl Step {
     pub(super) fn cost(&self, layouts: &[LevelLayout]) -> u64 {
         let brick = u64::from(BRICK).pow(3);
         match self {
-            Self::Level { level, candidates, .. } => {
-                candidates.len() as u64 * layouts[*level as usize].tile_cells()
-            }
+            Self::Level { level, candidates, .. } => candidates.len() as u64 * layouts[*level as usize].tile_cells(),
             Self::Combine { candidates, .. } => candidates.len() as u64 * brick * SAMPLE_COST,
             Self::Surface { bricks, .. } => bricks.len() as u64 * brick,
             // As long as a turn, always.

@@ -242,11 +242,8 @@ impl Pyramid {
             candidates.keep_only(&alive);
             entries(&candidates, &self.pending[level], &self.active[level])
         });
-        let work = WorkLists {
-            levels: levels.collect(),
-            bricks: entries(&candidates, &must, wanted),
-            wanted: all(wanted),
-        };
+        let work =
+            WorkLists { levels: levels.collect(), bricks: entries(&candidates, &must, wanted), wanted: all(wanted) };
         Update { work, base: base.map(|b| b.0) }
     }
 

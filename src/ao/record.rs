@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::build::{AoBuild, DISPATCH_WORDS};
 use super::params::{
-    ClassifyParams, CollectBricksParams, CollectParams, LevelInfo, LevelTiles, MAX_LEVELS, MipmapParams,
-    NBufferParams, SpaoParams,
+    ClassifyParams, CollectBricksParams, CollectParams, LevelInfo, LevelTiles, MAX_LEVELS, MipmapParams, NBufferParams,
+    SpaoParams,
 };
 use super::plan::Step;
 use super::pyramid::Pyramid;
@@ -17,7 +17,8 @@ impl AoBuild {
     /// What comes before the first step: the result begins as the last one was.
     pub(super) fn record_begin(&self, recorder: &mut Recorder) {
         if let Some(base) = &self.base {
-            let size = wgpu::Extent3d { width: self.dims[0], height: self.dims[1], depth_or_array_layers: self.dims[2] };
+            let size =
+                wgpu::Extent3d { width: self.dims[0], height: self.dims[1], depth_or_array_layers: self.dims[2] };
             let (from, to) = (base.texture.raw.as_image_copy(), self.target.raw.as_image_copy());
             recorder.encoder.copy_texture_to_texture(from, to, size);
         }
@@ -52,7 +53,14 @@ impl AoBuild {
                 let window = (slices.start, window(pyramid, 0, slices));
                 let first = self.work.levels.iter().chain([&self.work.bricks]).map(Vec::len).sum::<usize>() as u32;
                 let list = first + bricks.start..first + bricks.end;
-                self.surface.record(gpu, stages, recorder, &pyramid.layouts[0], window, (&self.target, &self.candidates, list))
+                self.surface.record(
+                    gpu,
+                    stages,
+                    recorder,
+                    &pyramid.layouts[0],
+                    window,
+                    (&self.target, &self.candidates, list),
+                )
             }
             Step::Trace(rows) => {
                 let Some(tracer) = &self.tracer else { return Ok(()) };
@@ -216,10 +224,8 @@ impl AoBuild {
         let mut inverse_sizes = [[0.0; 4]; MAX_LEVELS];
         let slab = cuts.slab(layers).unwrap_or_else(|| layers.clone());
         let fresh_windows = !pyramid.is_mirrored() && self.windows_hold.replace(Some(slab.start)) != Some(slab.start);
-        let mut bindings = vec![
-            (1, Binding::Texture(&self.source.values.view)),
-            (3, Binding::Buffer(&pyramid.list.raw)),
-        ];
+        let mut bindings =
+            vec![(1, Binding::Texture(&self.source.values.view)), (3, Binding::Buffer(&pyramid.list.raw))];
         match &self.samples {
             Some(samples) => bindings.push((2, Binding::Buffer(&samples.raw))),
             None => {

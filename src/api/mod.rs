@@ -8,6 +8,7 @@ mod auth;
 mod envelope;
 mod extract;
 mod frames;
+mod metrics;
 mod openapi;
 mod pages;
 mod presets;

@@ -10,7 +10,9 @@ use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-use super::{AppState, ao, auth, envelope, frames, pages, presets, scenes, server, stream, uploads, viewer, volumes};
+use super::{
+    AppState, ao, auth, envelope, frames, metrics, pages, presets, scenes, server, stream, uploads, viewer, volumes,
+};
 use crate::error::{ApiError, ErrorCode};
 
 /// Paths that answer in every phase of the server's life.
@@ -40,6 +42,7 @@ fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
         ("/v1/presets", "GET", get(presets::list)),
         ("/v1/presets/{id}/thumbnail", "GET", get(presets::thumbnail)),
         ("/v1/server", "GET", get(server::show)),
+        ("/metrics", "GET", get(metrics::show)),
         ("/livez", "GET", get(server::livez)),
         ("/readyz", "GET", get(server::readyz)),
         ("/openapi.json", "GET", get(pages::openapi)),

@@ -89,7 +89,7 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
     let (prepared, _permit) = blocking(move || (source.prepare(name, &limits), permit)).await?;
     let entry = place.fill(prepared.map_err(|error| blame.error(error))?).await?;
     let location = format!("/v1/volumes/{}", entry.id);
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(entry.to_json())).into_response())
+    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(state.volumes.to_json(&entry))).into_response())
 }
 
 /// The answer to a dry run: what the volume would need.
@@ -115,7 +115,9 @@ async fn plan(state: &AppState, source: VolumeSource, permit: LoadPermit) -> Res
         "gpu_bytes": gpu_bytes,
         "gpu_budget_bytes": memory.budget_bytes,
         "gpu_used_bytes": memory.used_bytes,
-        "fits": gpu_bytes <= memory.budget_bytes.saturating_sub(memory.used_bytes),
+        // What is there already makes room where it can.
+        "fits": gpu_bytes <= memory.budget_bytes,
+        "fits_beside_others": gpu_bytes <= memory.budget_bytes.saturating_sub(memory.used_bytes),
     }))
     .into_response())
 }

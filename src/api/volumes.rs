@@ -17,7 +17,7 @@ const DEFAULT_BINS: u32 = 256;
 /// `GET /v1/volumes`
 pub(super) async fn list(State(state): State<AppState>, query: QueryParams) -> Result<Json<Value>, ApiError> {
     query.finish()?;
-    let volumes: Vec<Value> = state.volumes.list().iter().map(|volume| volume.to_json()).collect();
+    let volumes: Vec<Value> = state.volumes.list().iter().map(|volume| state.volumes.to_json(volume)).collect();
     Ok(Json(json!({ "volumes": volumes })))
 }
 
@@ -28,7 +28,7 @@ pub(super) async fn show(
     query: QueryParams,
 ) -> Result<Json<Value>, ApiError> {
     query.finish()?;
-    Ok(Json(state.volumes.get(&id)?.to_json()))
+    Ok(Json(state.volumes.to_json(&*state.volumes.get(&id)?)))
 }
 
 /// `DELETE /v1/volumes/{id}?force=true`

@@ -161,7 +161,7 @@ impl Gpu {
             return Err(self.budget.out_of_memory(label, bytes));
         }
         let share = self.budget.take(label, category, bytes)?;
-        let raw = self.guarded(label, || {
+        let raw = self.allocated(label, bytes, || {
             Ok(self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
                 size: bytes,
@@ -170,6 +170,14 @@ impl Gpu {
             }))
         })?;
         Ok(GpuBuffer { raw, share })
+    }
+
+    /// Runs what allocates `bytes` bytes; where the driver has none left, the error says how many were wanted.
+    fn allocated<T>(&self, label: &str, bytes: u64, work: impl FnOnce() -> Result<T, GpuError>) -> Result<T, GpuError> {
+        self.guarded(label, work).map_err(|error| match error {
+            GpuError::OutOfMemory { .. } => self.budget.out_of_memory(label, bytes),
+            error => error,
+        })
     }
 
     /// A storage buffer with these contents.
@@ -232,7 +240,7 @@ impl Gpu {
             return Err(self.budget.out_of_memory(label, bytes));
         }
         let share = self.budget.take(label, category, bytes)?;
-        let raw = self.guarded(label, || {
+        let raw = self.allocated(label, bytes, || {
             Ok(self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
                 size: wgpu::Extent3d { width: dims[0], height: dims[1], depth_or_array_layers: dims[2] },

@@ -28,6 +28,8 @@ pub(super) struct Published {
     pub(super) info: RendererInfo,
     pub(super) alive: AtomicBool,
     pub(super) memory: Mutex<MemoryUse>,
+    /// Volumes on the GPU and their bytes.
+    pub(super) residents: Mutex<Vec<(VolumeId, u64)>>,
 }
 
 /// Asks the render thread for work. Cheap to clone.
@@ -65,6 +67,7 @@ impl RenderHandle {
                     info: renderer.info().clone(),
                     alive: AtomicBool::new(true),
                     memory: Mutex::new(renderer.memory()),
+                    residents: Mutex::default(),
                 });
                 let _alive = AliveGuard(published.clone());
                 if ready_tx.send(Ok(published.clone())).is_ok() {
@@ -89,6 +92,12 @@ impl RenderHandle {
     /// GPU memory in use after the last finished job.
     pub fn memory(&self) -> MemoryUse {
         self.published.memory.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Bytes of a volume on the GPU after the last finished job; `None` while it is in host memory only.
+    pub fn gpu_bytes(&self, id: &VolumeId) -> Option<u64> {
+        let residents = self.published.residents.lock().unwrap_or_else(PoisonError::into_inner);
+        residents.iter().find(|r| &r.0 == id).map(|r| r.1)
     }
 
     /// Makes a volume resident under `id`, replacing nothing on failure.

@@ -62,6 +62,7 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
         let outcome = turns.pop().map(|(group, job)| (group, take_turn(job, &mut renderer)));
         // Before the answer: whoever has it reads what is in use now.
         *published.memory.lock().unwrap_or_else(PoisonError::into_inner) = renderer.memory();
+        *published.residents.lock().unwrap_or_else(PoisonError::into_inner) = renderer.residents();
         match outcome {
             Some((group, Outcome::Unfinished(job))) => turns.push(group, *job),
             Some((_, Outcome::Answered(answer))) => answer(),

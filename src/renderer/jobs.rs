@@ -6,60 +6,17 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::exposure::exposure;
+use super::occlusion::{AtHand, Coverage, Wish};
 use super::raycast::{depth_prefix, raycast_params};
 use super::request::{
-    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, RenderError, Residency,
-    StageTimings,
+    AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, RenderError, StageTimings,
 };
-use super::resident::{ResidentVolume, Upload};
-use super::occlusion::{AtHand, Coverage, Wish};
+use super::resident::ResidentVolume;
+use super::volumes::Needed;
 use super::work::{Renderer, Turn};
 use crate::ao::{Accessibility, AoBuild, AoKey};
 use crate::gpu::{Binding, Category, Gpu, GpuError, GpuTexture, Recorder};
 use crate::scene::{AoMethod, Scene};
-use crate::volume::{Volume, VolumeId};
-
-/// A volume on its way to the GPU.
-#[derive(Debug)]
-pub struct UploadJob {
-    id: VolumeId,
-    volume: Arc<Volume>,
-    upload: Option<Upload>,
-}
-
-impl UploadJob {
-    /// Nothing is done or reserved yet.
-    pub fn new(id: VolumeId, volume: Arc<Volume>) -> Self {
-        Self { id, volume, upload: None }
-    }
-
-    /// Does a slice of the work.
-    ///
-    /// # Errors
-    /// Any [`RenderError`]; nothing remains on the GPU then.
-    pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<Residency>, RenderError> {
-        let Some(mut upload) = self.upload.take() else {
-            let upload = loop {
-                match Upload::new(&renderer.gpu, self.volume.clone()) {
-                    Err(error) if renderer.make_room(&error) => {}
-                    result => break result.map_err(|e| renderer.explain(e))?,
-                }
-            };
-            self.upload = Some(upload);
-            return Ok(Turn::Pending(0.0));
-        };
-        let done = upload.advance(&renderer.gpu, &renderer.stages.gradient);
-        if !renderer.with_resident(done)? {
-            let fraction = upload.fraction();
-            self.upload = Some(upload);
-            return Ok(Turn::Pending(fraction));
-        }
-        let resident = upload.finish();
-        let gpu_bytes = resident.bytes();
-        renderer.keep_volume(self.id.clone(), resident);
-        Ok(Turn::Done(Residency { gpu_bytes }))
-    }
-}
 
 /// The part that pictures and downloads share: from a scene to its accessibility volume.
 #[derive(Debug)]
@@ -92,7 +49,8 @@ impl AoProgress {
                 }
                 match self.begin(renderer, resident, scene)? {
                     Begun::Finished(result) => {
-                        let report = AoReport { version: result.version, ..report(resident, AoState::Exact, AoUpdate::Cached) };
+                        let report =
+                            AoReport { version: result.version, ..report(resident, AoState::Exact, AoUpdate::Cached) };
                         return Ok(Turn::Done((Some(at_hand_of(&result)), report)));
                     }
                     Begun::Build(key, build) => self.build.insert((key, build)).clone(),
@@ -106,7 +64,7 @@ impl AoProgress {
             return Ok(Turn::Pending(build.borrow().fraction()));
         }
         // A volume that was removed meanwhile has no further use for the result.
-        let keep = renderer.resident(key.volume()).is_ok();
+        let keep = renderer.volumes.knows(key.volume());
         let result = renderer.occlusion.finish(&renderer.gpu, &key, &build, keep);
         let Some((result, work)) = renderer.with_resident(result)? else { return Ok(Turn::Pending(1.0)) };
         // What comes next may update the same pyramid.
@@ -122,12 +80,7 @@ impl AoProgress {
     }
 
     /// Looks for a result, else joins or begins a build.
-    fn begin(
-        &self,
-        renderer: &mut Renderer,
-        resident: &ResidentVolume,
-        scene: &Scene,
-    ) -> Result<Begun, RenderError> {
+    fn begin(&self, renderer: &mut Renderer, resident: &ResidentVolume, scene: &Scene) -> Result<Begun, RenderError> {
         let wish = || Wish::new(resident, scene, self.coverage);
         let first = wish();
         if let Some(result) = renderer.occlusion.finished(&first.key) {
@@ -153,11 +106,7 @@ enum Begun {
 }
 
 fn at_hand_of(result: &Accessibility) -> AtHand {
-    AtHand {
-        texture: result.texture.clone(),
-        surface_reference: result.surface_reference,
-        version: result.version,
-    }
+    AtHand { texture: result.texture.clone(), surface_reference: result.surface_reference, version: result.version }
 }
 
 /// A report of nothing done.
@@ -189,14 +138,15 @@ fn at_hand(renderer: &mut Renderer, resident: &ResidentVolume, scene: &Scene) ->
 #[derive(Debug)]
 pub struct FrameJob {
     request: FrameRequest,
-    resident: Option<Rc<ResidentVolume>>,
+    volume: Needed,
     ao: AoProgress,
 }
 
 impl FrameJob {
     /// Nothing is done yet.
     pub fn new(request: FrameRequest) -> Self {
-        Self { request, resident: None, ao: AoProgress::new(Coverage::Visible) }
+        let volume = Needed::new(request.scene.volume.clone());
+        Self { request, volume, ao: AoProgress::new(Coverage::Visible) }
     }
 
     /// Does a slice of the work.
@@ -204,9 +154,9 @@ impl FrameJob {
     /// # Errors
     /// Any [`RenderError`] of this picture.
     pub fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<Frame>, RenderError> {
-        let resident = match &self.resident {
-            Some(resident) => resident.clone(),
-            None => self.resident.insert(renderer.resident(&self.request.scene.volume)?).clone(),
+        let resident = match self.volume.advance(renderer)? {
+            Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
+            Turn::Done(resident) => resident,
         };
         let (accessibility, ao) = match self.request.ao_policy {
             AoPolicy::AtHand => at_hand(renderer, &resident, &self.request.scene),
@@ -280,7 +230,7 @@ fn draw(
 #[derive(Debug)]
 pub struct PrepareJob {
     scene: Arc<Scene>,
-    resident: Option<Rc<ResidentVolume>>,
+    volume: Needed,
     ao: AoProgress,
 }
 
@@ -291,7 +241,7 @@ impl PrepareJob {
     }
 
     fn covering(scene: Arc<Scene>, coverage: Coverage) -> Self {
-        Self { scene, resident: None, ao: AoProgress::new(coverage) }
+        Self { volume: Needed::new(scene.volume.clone()), scene, ao: AoProgress::new(coverage) }
     }
 
     /// Does a slice of the work.
@@ -307,9 +257,9 @@ impl PrepareJob {
 
     /// As [`Self::advance`], with the volume and the accessibility itself.
     fn compute(&mut self, renderer: &mut Renderer) -> Result<Turn<(Rc<ResidentVolume>, Finished)>, RenderError> {
-        let resident = match &self.resident {
-            Some(resident) => resident.clone(),
-            None => self.resident.insert(renderer.resident(&self.scene.volume)?).clone(),
+        let resident = match self.volume.advance(renderer)? {
+            Turn::Pending(fraction) => return Ok(Turn::Pending(fraction)),
+            Turn::Done(resident) => resident,
         };
         Ok(match self.ao.advance(renderer, &resident, &self.scene)? {
             Turn::Pending(fraction) => Turn::Pending(fraction),

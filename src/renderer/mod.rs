@@ -10,10 +10,11 @@ mod occupancy;
 mod raycast;
 mod request;
 mod resident;
+mod volumes;
 mod work;
 
 pub use exposure::{Exposure, exposure};
-pub use jobs::{AccessibilityJob, FrameJob, PrepareJob, UploadJob};
+pub use jobs::{AccessibilityJob, FrameJob, PrepareJob};
 pub use occlusion::Coverage;
 pub use occupancy::brick_distance;
 pub use raycast::{GradientParams, Light, RaycastParams};
@@ -21,4 +22,5 @@ pub use request::{
     AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError,
     RendererInfo, Residency, StageTimings,
 };
+pub use volumes::UploadJob;
 pub use work::{Renderer, Turn};

@@ -129,12 +129,7 @@ impl Occlusion {
     }
 
     /// The build under way, or a new one: an update of the idle pyramid that is nearest to what is wished.
-    pub(super) fn build(
-        &mut self,
-        gpu: &Gpu,
-        stages: &AoStages,
-        wish: Wish,
-    ) -> Result<Rc<RefCell<AoBuild>>, GpuError> {
+    pub(super) fn build(&mut self, gpu: &Gpu, stages: &AoStages, wish: Wish) -> Result<Rc<RefCell<AoBuild>>, GpuError> {
         let under_way = self.builds.get(&wish.key).and_then(Weak::upgrade);
         if let Some(build) = under_way.filter(|build| !build.borrow().has_failed()) {
             return Ok(build);

@@ -156,6 +156,13 @@ pub struct MemoryUse {
     pub ao_scratch_bytes: u64,
 }
 
+impl MemoryUse {
+    /// Tables, pictures and read-back buffers.
+    pub fn other_bytes(&self) -> u64 {
+        self.used_bytes.saturating_sub(self.volumes_bytes + self.ao_cache_bytes + self.ao_scratch_bytes)
+    }
+}
+
 /// A volume on the GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Residency {

@@ -56,7 +56,7 @@ impl Upload {
         let values = gpu.texture_3d("values", Category::Volume, dims, format, usage)?;
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING;
         let gradients = gpu.texture_3d("gradients", Category::Volume, dims, wgpu::TextureFormat::Rgba8Snorm, usage)?;
-        let contents = Arc::new(volume.bricks());
+        let contents = volume.bricks();
         let resident = ResidentVolume { volume, values: Rc::new(values), gradients, contents, code_scale };
         Ok(Self { resident, texel_bytes, next_slice: 0, next_gradient_slice: 0, codes: Vec::new() })
     }

@@ -1,14 +1,14 @@
 //! The renderer: what is resident, the compiled passes, and the pieces that jobs share.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use super::jobs::{AccessibilityJob, FrameJob, UploadJob};
+use super::jobs::{AccessibilityJob, FrameJob};
 use super::occlusion::{Coverage, Occlusion, Wish};
 use super::request::{AccessibilityVolume, Frame, FrameRequest, MemoryUse, RenderError, RendererInfo, Residency};
 use super::resident::ResidentVolume;
+use super::volumes::{UploadJob, Volumes};
 use crate::ao::{Accessibility, AoBuild, AoKey, AoSource, AoStages, Pyramid};
 use crate::gpu::{Category, ComputeStage, Gpu, GpuError, GpuOptions, GpuTexture};
 use crate::scene::Scene;
@@ -29,7 +29,7 @@ pub struct Renderer {
     pub(super) gpu: Gpu,
     info: RendererInfo,
     pub(super) stages: Stages,
-    volumes: BTreeMap<VolumeId, Rc<ResidentVolume>>,
+    pub(super) volumes: Volumes,
     pub(super) occlusion: Occlusion,
 }
 
@@ -65,13 +65,7 @@ impl Renderer {
             tracing::info!(adapter = info.adapter, "software adapter: pictures are computed on the CPU");
         }
         let stages = Stages::new(&gpu)?;
-        Ok(Self {
-            gpu,
-            info,
-            stages,
-            volumes: BTreeMap::new(),
-            occlusion: Occlusion::default(),
-        })
+        Ok(Self { gpu, info, stages, volumes: Volumes::default(), occlusion: Occlusion::default() })
     }
 
     /// The adapter in use.
@@ -147,7 +141,8 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::UnknownVolume`], [`RenderError::DoesNotFit`].
     pub fn fresh_ao_build(&self, scene: &Scene, coverage: Coverage) -> Result<AoBuild, RenderError> {
-        self.ao_update(scene, coverage, self.new_pyramid(scene)?)
+        let pyramid = self.new_pyramid(scene)?;
+        self.ao_update(scene, coverage, pyramid)
     }
 
     /// An update of a pyramid of the scene's volume and structure, past all that is kept.
@@ -205,19 +200,28 @@ impl Renderer {
     pub(super) fn keep_volume(&mut self, id: VolumeId, resident: ResidentVolume) {
         // What was derived from an earlier volume of this name is of no use for the new one.
         self.remove_volume(&id);
-        self.volumes.insert(id, Rc::new(resident));
+        self.volumes.insert(id, resident);
     }
 
-    pub(super) fn resident(&self, id: &VolumeId) -> Result<Rc<ResidentVolume>, RenderError> {
-        self.volumes.get(id).cloned().ok_or_else(|| RenderError::UnknownVolume(id.clone()))
+    /// Volumes on the GPU and their bytes; the others are in host memory.
+    pub fn residents(&self) -> Vec<(VolumeId, u64)> {
+        self.volumes.residents()
     }
 
-    /// Drops what can be computed again so that what failed can be tried again; false where that would not help.
+    /// A volume that is on the GPU.
+    fn resident(&self, id: &VolumeId) -> Result<Rc<ResidentVolume>, RenderError> {
+        self.volumes.peek(id).ok_or_else(|| RenderError::UnknownVolume(id.clone()))
+    }
+
+    /// Makes room for what failed, so that it can be tried again; false where that would not help. What can be
+    /// computed again goes first, then volumes that nobody looks at now.
     pub(super) fn make_room(&mut self, error: &RenderError) -> bool {
         let RenderError::DoesNotFit { needed_bytes, .. } = error else { return false };
         let budget = &self.gpu.budget;
-        let kept = budget.used_bytes().saturating_sub(self.occlusion.evictable_bytes());
-        kept.saturating_add(*needed_bytes) <= budget.limit_bytes() && self.occlusion.evict_one()
+        let evictable = self.occlusion.evictable_bytes() + self.volumes.evictable_bytes();
+        let kept = budget.used_bytes().saturating_sub(evictable);
+        kept.saturating_add(*needed_bytes) <= budget.limit_bytes()
+            && (self.occlusion.evict_one() || self.volumes.evict_one())
     }
 
     /// Adds what is resident to an out-of-memory error.
@@ -227,11 +231,10 @@ impl Renderer {
 
     pub(super) fn explain(&self, mut error: RenderError) -> RenderError {
         if let RenderError::DoesNotFit { resident, .. } = &mut error {
-            *resident = self.volumes.iter().map(|(id, v)| (id.clone(), v.bytes())).collect();
+            *resident = self.volumes.residents();
         }
         error
     }
-
 }
 
 impl RaycastStages {

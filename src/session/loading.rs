@@ -125,6 +125,8 @@ impl VolumeSource {
     /// What is wrong with the source.
     pub fn prepare(self, name: Option<String>, limits: &Limits) -> Result<NewVolume, VolumeError> {
         let volume = self.load(limits)?;
+        // Here, where it keeps nobody waiting.
+        volume.bricks();
         Ok(NewVolume {
             name: name.unwrap_or_else(|| self.default_name()),
             histogram: volume.histogram(FACT_BINS)?,

@@ -25,8 +25,6 @@ pub struct VolumeEntry {
     pub name: String,
     /// The host copy.
     pub volume: Arc<Volume>,
-    /// Bytes on the GPU.
-    pub gpu_bytes: u64,
     /// Values over 256 bins, from which a scene's defaults are derived.
     pub histogram: Histogram,
     /// See [`Volume::sha256_hex`].
@@ -43,12 +41,13 @@ impl VolumeEntry {
         volume_facts(&self.id, &self.volume, &self.histogram)
     }
 
-    /// The volume as the API shows it.
-    pub fn to_json(&self) -> Value {
-        let mut json = json!({ "id": self.id.0, "name": self.name, "state": "resident" });
+    /// The volume as the API shows it, with its bytes on the GPU if it is there.
+    fn to_json(&self, gpu_bytes: Option<u64>) -> Value {
+        let state = if gpu_bytes.is_some() { "resident" } else { "evicted" };
+        let mut json = json!({ "id": self.id.0, "name": self.name, "state": state });
         merge(&mut json, describe(&self.volume));
         let rest = json!({
-            "gpu_bytes": self.gpu_bytes,
+            "gpu_bytes": gpu_bytes.unwrap_or(0),
             "host_bytes": self.volume.host_bytes(),
             "sha256": self.sha256,
             "source": self.source,
@@ -145,6 +144,11 @@ impl VolumeStore {
         Ok((resident.entry.clone(), VolumeLease(resident.users.clone())))
     }
 
+    /// A volume as the API shows it, wherever it is now.
+    pub fn to_json(&self, entry: &VolumeEntry) -> Value {
+        entry.to_json(self.renderer.gpu_bytes(&entry.id))
+    }
+
     /// Takes a place for a volume that is about to be loaded.
     ///
     /// # Errors
@@ -230,12 +234,11 @@ impl Place {
         let (renderer, volume) = (self.store.renderer.clone(), new.volume.clone());
         // A task of its own: an upload goes on to its end whoever waits for it, and must not be forgotten.
         let upload = tokio::spawn(Uploaded::upload(renderer, id.clone(), volume));
-        let uploaded = upload.await.map_err(ApiError::internal)??;
+        upload.await.map_err(ApiError::internal)??.keep();
         let entry = Arc::new(VolumeEntry {
             id: id.clone(),
             name: new.name,
             volume: new.volume,
-            gpu_bytes: uploaded.keep(),
             histogram: new.histogram,
             sha256: new.sha256,
             source: new.source,
@@ -253,19 +256,17 @@ impl Place {
 struct Uploaded {
     renderer: RenderHandle,
     id: Option<VolumeId>,
-    gpu_bytes: u64,
 }
 
 impl Uploaded {
     async fn upload(renderer: RenderHandle, id: VolumeId, volume: Arc<Volume>) -> Result<Self, RenderError> {
-        let residency = renderer.add_volume(id.clone(), volume).await?;
-        Ok(Self { renderer, id: Some(id), gpu_bytes: residency.gpu_bytes })
+        renderer.add_volume(id.clone(), volume).await?;
+        Ok(Self { renderer, id: Some(id) })
     }
 
-    /// Leaves the volume where it is and says how many bytes it takes.
-    fn keep(mut self) -> u64 {
+    /// Leaves the volume where it is.
+    fn keep(mut self) {
         self.id = None;
-        self.gpu_bytes
     }
 }
 

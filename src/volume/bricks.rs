@@ -1,6 +1,8 @@
 //! What occurs in every brick of voxels: what a ray caster needs in order to skip empty space, and ambient occlusion
 //! in order to know what an edit of the transfer function touches.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::sample::{Sample, with_voxels};
@@ -56,8 +58,12 @@ fn insert(set: &mut CodeSet, bucket: usize) {
 }
 
 impl Volume {
-    /// The contents of all bricks.
-    pub fn bricks(&self) -> Bricks {
+    /// The contents of all bricks; found when first asked for, which takes a while.
+    pub fn bricks(&self) -> Arc<Bricks> {
+        self.bricks.get_or_init(|| Arc::new(self.find_bricks())).clone()
+    }
+
+    fn find_bricks(&self) -> Bricks {
         let dims = self.grid.dims.map(|n| n.div_ceil(BRICK));
         let [bx, by, bz] = dims.map(|n| n as usize);
         let bucket_shift = (u32::from(self.code_map.max_code) / BUCKETS + 1).next_power_of_two().trailing_zeros();

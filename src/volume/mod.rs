@@ -45,6 +45,7 @@ pub use raw::RawSpec;
 pub use voxels::{Endian, VoxelStatistics, VoxelType, Voxels};
 
 use std::fmt;
+use std::sync::{Arc, OnceLock};
 
 use sha2::{Digest, Sha256};
 
@@ -71,6 +72,8 @@ pub struct Volume {
     pub nan_count: u64,
     /// What its file says besides, if it came from one.
     pub about: About,
+    /// See [`Volume::bricks`].
+    bricks: OnceLock<Arc<Bricks>>,
 }
 
 impl Volume {
@@ -94,7 +97,7 @@ impl Volume {
         } else {
             CodeMap::for_floats(lowest, highest)
         };
-        Ok(Self { grid, voxels, code_map, nan_count, about: About::default() })
+        Ok(Self { grid, voxels, code_map, nan_count, about: About::default(), bricks: OnceLock::new() })
     }
 
     /// The same volume with this said about it.

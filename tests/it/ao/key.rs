@@ -80,7 +80,8 @@ fn a_hybrid_at_either_end_is_what_it_is_equal_to() {
 #[test]
 fn the_volume_and_every_opacity_are_part_of_the_key() {
     let settings = n_buffer(6, 1.0);
-    let key = |volume: &str, table: &[u16]| AoKey::new(&VolumeId(volume.into()), table, &TileSet::full([1; 3]), &settings);
+    let key =
+        |volume: &str, table: &[u16]| AoKey::new(&VolumeId(volume.into()), table, &TileSet::full([1; 3]), &settings);
     assert_eq!(key("v_1", &[0, 1, 65535]), key("v_1", &[0, 1, 65535]));
     assert_ne!(key("v_1", &[0, 1, 65535]), key("v_2", &[0, 1, 65535]));
     assert_ne!(key("v_1", &[0, 1, 65535]), key("v_1", &[0, 1, 65534]));

@@ -212,7 +212,8 @@ fn touched(layout: &LevelLayout, axis: usize, at: f64) -> std::ops::RangeInclusi
 fn the_cells_around_an_interval_are_those_that_look_ups_touch_and_few_more() {
     for settings in [n_buffer(8, 1.0), mipmap(6, 1.0), hybrid(6, 2, 1.0)] {
         for layout in level_layouts([9, 8, 37], &settings) {
-            for (low, high) in [(-300.0, -290.0), (-3.0, 0.5), (0.5, 0.5), (7.25, 21.75), (36.5, 60.0), (299.0, 300.0)] {
+            for (low, high) in [(-300.0, -290.0), (-3.0, 0.5), (0.5, 0.5), (7.25, 21.75), (36.5, 60.0), (299.0, 300.0)]
+            {
                 for axis in 0..3 {
                     let cells = layout.cells_around(axis, low, high);
                     assert!(cells.start < cells.end && cells.end <= layout.extent[axis], "{cells:?} of {layout:?}");

@@ -163,8 +163,9 @@ impl Planned {
                 let (low, high) = voxels(layers);
                 let row = u64::from(self.dims[0].div_ceil(2).next_multiple_of(64)) * 4;
                 let samples = row * u64::from(self.dims[1]) * u64::from(high - low);
+                // Samples go straight to their texture, and levels are in textures.
                 if self.sampled {
-                    return samples;
+                    return 0;
                 }
                 let window = |level: usize| {
                     let reach = half_offset(&self.settings) * f64::from(1_u32 << level);

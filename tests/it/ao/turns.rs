@@ -52,21 +52,20 @@ async fn a_picture_is_answered_while_a_long_build_goes_on_and_the_build_ends_whe
         let (renderer, scene) = (renderer.clone(), scene.clone());
         async move { renderer.accessibility(scene).await }
     });
-    until("the start of the long build", || renderer.memory().ao_scratch_bytes > 0).await;
-    let scratch = renderer.memory().ao_scratch_bytes;
+    let voxels = |subject: &Subject| subject.volume.grid.voxel_count();
+    // What a build writes to counts as a result from its start; its levels stay for the next one.
+    let results = || renderer.memory().ao_cache_bytes;
+    until("the start of the long build", || results() == 2 * voxels(&long)).await;
     for factor in [0.0, 0.5, 1.0] {
         let frame = renderer.render(frame(&short, n_buffer(4, factor))).await.expect("the picture is drawn");
         assert_eq!(frame.rgba.len(), 40 * 30 * 4);
         assert!(!slow.is_finished(), "the picture came after the long build");
     }
-    until("giving back what the pictures needed", || renderer.memory().ao_scratch_bytes == scratch).await;
+    until("keeping the pictures' results", || results() == 2 * voxels(&long) + 3 * 2 * voxels(&short)).await;
 
     slow.abort();
-    until("the end of the abandoned build", || renderer.memory().ao_scratch_bytes == 0).await;
-    let left = renderer.memory();
     // The results of the pictures stay; the one that was not finished does not.
-    let voxels = |subject: &Subject| subject.volume.grid.voxel_count();
-    assert_eq!(left.ao_cache_bytes, 3 * 2 * voxels(&short));
+    until("the end of the abandoned build", || results() == 3 * 2 * voxels(&short)).await;
     assert!(slow.await.is_err_and(|e| e.is_cancelled()));
     renderer.render(frame(&short, n_buffer(5, 1.0))).await.expect("the renderer works on");
     tokio::task::block_in_place(|| drop((long, short)));
@@ -86,18 +85,19 @@ async fn jobs_that_want_the_same_result_share_one_build_and_the_last_to_leave_en
         tokio::spawn(async move { renderer.accessibility(scene).await })
     };
     let first = ask();
-    until("the start of the build", || renderer.memory().ao_scratch_bytes > 0).await;
-    let scratch = renderer.memory().ao_scratch_bytes;
+    let one_result = 2 * long.volume.grid.voxel_count();
+    let results = || renderer.memory().ao_cache_bytes;
+    until("the start of the build", || results() == one_result).await;
     let second = ask();
     // The second job has had its turns once a third one, of another kind, has been answered.
     let scene = long.scene(&opacities(&[(0.0, 0.5)]), AmbientOcclusion { levels: 1, ..n_buffer(1, 0.0) });
     renderer.accessibility(Arc::new(scene)).await.expect("the build succeeds");
-    until("giving back what the third job needed", || renderer.memory().ao_scratch_bytes == scratch).await;
+    until("keeping the third job's result", || results() == 2 * one_result).await;
     first.abort();
     tokio::time::sleep(Duration::from_millis(300)).await;
-    assert_eq!(renderer.memory().ao_scratch_bytes, scratch, "the second job still waits for it");
+    assert_eq!(results(), 2 * one_result, "the second job still waits for it");
     second.abort();
-    until("the end of the abandoned build", || renderer.memory().ao_scratch_bytes == 0).await;
+    until("the end of the abandoned build", || results() == one_result).await;
     tokio::task::block_in_place(|| drop(long));
 }
 

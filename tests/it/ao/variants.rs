@@ -44,7 +44,10 @@ fn windows_of_levels_give_the_same_bits_as_whole_levels() {
         let layouts = level_layouts(dims, &settings);
         assert!(layouts.iter().any(|l| l.bytes() > binding), "{settings:?}: {binding} bytes hold every level");
         if settings.method == AoMethod::Spao {
-            assert!(steps(dims, &settings, binding, sampled) > steps(dims, &settings, u64::MAX, sampled), "{settings:?}");
+            assert!(
+                steps(dims, &settings, binding, sampled) > steps(dims, &settings, u64::MAX, sampled),
+                "{settings:?}"
+            );
         }
         let windowed = Subject::on(with_bindings(binding), boxes());
         let (a, b) = (whole.accessibility(&transfer, settings), windowed.accessibility(&transfer, settings));

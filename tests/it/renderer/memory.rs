@@ -173,6 +173,7 @@ fn adding_drawing_and_removing_again_and_again_takes_no_more_memory() {
     let volume = Arc::new(boxes());
     let mut renderer = open(64 << 20);
     let before = renderer.memory();
+    let mut kept_levels = None;
     for round in 0..20 {
         let id = VolumeId(format!("v_{}", round % 3));
         renderer.add_volume(id.clone(), volume.clone()).expect("the volume fits");
@@ -182,7 +183,9 @@ fn adding_drawing_and_removing_again_and_again_takes_no_more_memory() {
         }
         let during = renderer.memory();
         assert!(during.volumes_bytes > before.volumes_bytes && during.ao_cache_bytes > before.ao_cache_bytes);
-        assert_eq!(during.ao_scratch_bytes, before.ao_scratch_bytes, "round {round}");
+        // Levels stay for the next edit, and nothing else.
+        let levels = *kept_levels.get_or_insert(during.ao_scratch_bytes);
+        assert!(levels > before.ao_scratch_bytes && during.ao_scratch_bytes == levels, "round {round}");
         renderer.remove_volume(&id);
         assert_eq!(renderer.memory(), before, "round {round}");
     }

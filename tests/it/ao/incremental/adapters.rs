@@ -44,7 +44,6 @@ fn levels_are_the_same_on_every_adapter_and_accessibility_to_the_precision_of_it
                 // Half floats have eleven bits: half a step of 1/2048 below 1.
                 let allowed = 2.0 / 65535.0 + if half_floats { 1.0 / 4096.0 } else { 0.0 };
                 assert!(difference <= allowed, "{options:?} {settings:?}: {difference}");
-                println!("{half_floats} {settings:?} {}", difference * 65535.0);
             }
         }
     }

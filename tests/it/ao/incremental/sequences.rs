@@ -48,8 +48,7 @@ impl Session {
 
     fn with_options(volume: Arc<Volume>, structures: &[AmbientOcclusion], seed: u64, options: &GpuOptions) -> Self {
         let editor = Editor::new(seed, volume.code_map.value_range());
-        let state =
-            State { transfer: editor.usual(), settings: structures[0], coverage: Coverage::Visible };
+        let state = State { transfer: editor.usual(), settings: structures[0], coverage: Coverage::Visible };
         let bench = Bench::with_options(volume, options);
         let of = |settings: &AmbientOcclusion| bench.nothing(&State { settings: *settings, ..state.clone() });
         Self {
