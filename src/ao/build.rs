@@ -159,7 +159,9 @@ impl AoBuild {
 
         // From here on the pyramid is on its way: nothing may fail that could have failed before.
         let update = pyramid.borrow_mut().begin(gpu, &source, &settings, &wanted);
-        let (work, base) = (update.work, update.base);
+        // Every ray is traced again, whatever has changed.
+        let base = update.base.filter(|_| settings.method == AoMethod::Spao);
+        let work = update.work;
         let mut steps = {
             let pyramid = pyramid.borrow();
             let cuts = pyramid.cuts(gpu, sampled, &settings);
@@ -290,10 +292,13 @@ impl AoBuild {
     /// Share of the work that is done, in [0, 1]: of the rows where rays are traced, else of the steps.
     pub fn fraction(&self) -> f64 {
         let all_rows = f64::from(self.dims[1]) * f64::from(self.dims[2]);
+        let traces = self.all_steps.iter().any(|step| matches!(step, Step::Trace(_)));
         let traced =
             self.steps.iter().find_map(|(_, step)| if let Step::Trace(rows) = step { Some(rows) } else { None });
         let left = match traced {
             Some(rows) => rows.len() as f64 / all_rows,
+            // What comes after the rays takes no time beside them.
+            None if traces => 0.0,
             None => self.steps.len() as f64 / self.all_steps.len().max(1) as f64,
         };
         1.0 - left
@@ -329,7 +334,11 @@ impl AoBuild {
             let mut done = AoWork { incremental: self.base.is_some(), ..AoWork::default() };
             for (step, count) in self.all_steps.iter().zip(counts) {
                 match step {
-                    Step::Level { level: 0, .. } => done.classified += u64::from(count),
+                    Step::Level { level: 0, candidates, .. } => {
+                        // All of them have been done: an update has no other candidates there.
+                        let tiles = &self.work.levels[0][span(candidates)];
+                        done.classified += self.pyramid.borrow().bricks_in(tiles);
+                    }
                     Step::Level { .. } => done.tiles += u64::from(count),
                     Step::Combine { .. } => done.recomputed += u64::from(count),
                     Step::Trace(_) => done.recomputed += self.wanted.count(),

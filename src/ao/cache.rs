@@ -93,13 +93,12 @@ impl AoCache {
         unused.map(|r| r.1.texture.bytes()).sum()
     }
 
-    /// Drops the least recently used result; false when there is none.
-    pub fn evict_one(&mut self) -> bool {
-        if self.results.is_empty() {
-            return false;
-        }
-        self.results.remove(0);
-        true
+    /// Drops the least recently used result that nobody else holds, unless only `keep` results are left; false when
+    /// there is none.
+    pub fn evict_one(&mut self, keep: usize) -> bool {
+        let unused = self.results.iter().position(|r| Rc::strong_count(&r.1) == 1);
+        let at = unused.filter(|_| self.results.len() > keep);
+        at.map(|at| self.results.remove(at)).is_some()
     }
 
     /// Drops all results of a volume.

@@ -137,6 +137,18 @@ impl Pyramid {
         self.result = None;
     }
 
+    /// Bricks of the volume in tiles of level 0.
+    pub(super) fn bricks_in(&self, tiles: &[u32]) -> u64 {
+        let (layout, [x, y, _]) = (&self.layouts[0], self.layouts[0].tiles());
+        let bricks = |axis: usize, tile: u32| {
+            let end = self.dims[axis].div_ceil(BRICK);
+            let brick = |cell: u32| (cell.saturating_sub(layout.origin) / BRICK).min(end);
+            u64::from(brick((tile + 1) * layout.tile[axis]) - brick(tile * layout.tile[axis]))
+        };
+        let index = |entry: &u32| entry & !(MUST | CLEAR);
+        tiles.iter().map(index).map(|t| bricks(0, t % x) * bricks(1, t / x % y) * bricks(2, t / (x * y))).sum()
+    }
+
     /// True once a step of an update has failed: what the levels hold is not known then.
     pub fn is_broken(&self) -> bool {
         self.broken

@@ -195,10 +195,12 @@ impl Occlusion {
         self.cache.evictable_bytes() + idle.map(|kept| kept.pyramid.borrow().bytes()).sum::<u64>()
     }
 
-    /// Drops something that can be computed again: the results that were not used for longest first, then pyramids;
-    /// false when there is nothing left.
+    /// Drops something that can be computed again, of its kind what was not used for longest; false when there is
+    /// nothing left. Pyramids are ten times as large as results, so they go first; the last pyramid, from which the
+    /// next edit is computed, only after all results but two.
     pub(super) fn evict_one(&mut self) -> bool {
-        self.cache.evict_one() || self.evict_pyramid()
+        let idle = self.pyramids.iter().filter(|kept| kept.is_idle()).count();
+        (idle > 1 && self.evict_pyramid()) || self.cache.evict_one(2) || self.evict_pyramid() || self.cache.evict_one(0)
     }
 
     fn evict_pyramid(&mut self) -> bool {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 use spao_server::gpu::GpuOptions;
-use spao_server::renderer::{AoPolicy, Coverage, FrameRequest, RenderError, Renderer};
+use spao_server::renderer::{AoPolicy, Coverage, FrameRequest, MemoryUse, RenderError, Renderer};
 use spao_server::scene::Scene;
 use spao_server::volume::VolumeId;
 
@@ -61,18 +61,19 @@ fn a_volume_beyond_the_budget_is_refused_with_numbers_and_nothing_of_it_remains(
         let answer = renderer.render(&request(&scene, 8, 8));
         assert!(matches!(answer, Err(RenderError::UnknownVolume(_))), "{answer:?}");
     }
-    // A second one is refused because of the first, and the error says so; the first stays.
+    // A second one takes the place of the first, which comes back when it is looked at.
     let mut renderer = open(needed + voxels);
     let (first, second) = (VolumeId("v_1".into()), VolumeId("v_2".into()));
     let residency = renderer.add_volume(first.clone(), volume.clone()).expect("one fits");
     assert_eq!(residency.gpu_bytes, needed);
-    let before = renderer.memory();
-    assert_eq!(before.volumes_bytes, needed);
-    let (_, _, resident) = does_not_fit(renderer.add_volume(second.clone(), volume.clone()));
-    assert_eq!(resident, [(first.clone(), needed)]);
-    assert_eq!(renderer.memory(), before);
-    renderer.remove_volume(&first);
-    renderer.add_volume(second, volume).expect("there is room again");
+    assert_eq!(renderer.memory().volumes_bytes, needed);
+    let plain = scene_of(&first, &volume, &json!({"ambient_occlusion": {"method": "off"}}));
+    let picture = renderer.render(&request(&plain, 8, 8)).expect("a small picture fits").rgba;
+    renderer.add_volume(second.clone(), volume).expect("the first makes room");
+    assert_eq!(renderer.residents(), [(second, needed)]);
+    let again = renderer.render(&request(&plain, 8, 8)).expect("it comes back").rgba;
+    assert_eq!(renderer.residents(), [(first, needed)]);
+    assert_eq!(again, picture);
 }
 
 #[test]
@@ -135,7 +136,8 @@ fn finished_accessibility_makes_room_for_what_is_wanted_now() {
     assert!(cached.ao_cache_bytes >= 2 * result_bytes, "{cached:?}");
     let plain = scene_of(&id, &volume, &json!({"ambient_occlusion": {"method": "off"}}));
     tight.render(&request(&plain, side, side)).expect("results make room for pixels");
-    assert!(tight.memory().ao_cache_bytes < cached.ao_cache_bytes);
+    let derived = |memory: &MemoryUse| memory.ao_cache_bytes + memory.ao_scratch_bytes;
+    assert!(derived(&tight.memory()) < derived(&cached));
 
     // For a volume; but what cannot fit anyway costs no result.
     tight.render(&request(&scene(1), 16, 16)).expect("it fits");
@@ -149,7 +151,33 @@ fn finished_accessibility_makes_room_for_what_is_wanted_now() {
     let slices = u32::try_from((room + result_bytes / 2) / (5 * 64 * 64)).expect("a small volume");
     let other = Arc::new(volume_of([64, 64, slices], |[i, ..]| i as u16));
     tight.add_volume(VolumeId("v_2".into()), other).expect("results make room for a volume");
-    assert!(tight.memory().ao_cache_bytes < before.ao_cache_bytes);
+    assert!(derived(&tight.memory()) < derived(&before));
+}
+
+#[test]
+fn ten_volumes_that_do_not_fit_together_are_all_usable_one_after_another() {
+    let volumes: Vec<_> =
+        (1..=10).map(|n| Arc::new(volume_of([64, 48, 32], move |[i, j, _]| i as u16 * n + j as u16))).collect();
+    let scenes: Vec<_> =
+        (0..).zip(&volumes).map(|(n, v)| scene_of(&VolumeId(format!("v_{n}")), v, &json!({}))).collect();
+    let mut ample = open(1 << 30);
+    // Room for three volumes and the ambient occlusion of one.
+    let bytes = 6 * volumes[0].grid.voxel_count();
+    let mut tight = open(3 * bytes + (24 << 20));
+    for (volume, scene) in volumes.iter().zip(&scenes) {
+        ample.add_volume(scene.volume.clone(), volume.clone()).expect("there is room for all");
+        tight.add_volume(scene.volume.clone(), volume.clone()).expect("others make room");
+    }
+    for round in 0..3 {
+        for scene in &scenes {
+            let expected = ample.render(&request(scene, 24, 18)).expect("there is room for all").rgba;
+            let got = tight.render(&request(scene, 24, 18)).expect("others make room").rgba;
+            assert_eq!(got, expected, "round {round}");
+            let memory = tight.memory();
+            assert!(memory.used_bytes <= memory.budget_bytes, "{memory:?}");
+        }
+    }
+    assert!(ample.memory().used_bytes > tight.memory().budget_bytes, "all of it fits: the test shows nothing");
 }
 
 #[test]

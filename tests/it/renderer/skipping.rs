@@ -55,7 +55,8 @@ fn invisible_bricks(volume: &Volume, scene: &Scene) -> f64 {
     let grid = &volume.grid;
     let step = grid.smallest_spacing() / scene.rendering.sampling_rate;
     let table = TransferTable::new(&scene.transfer_function, &volume.code_map, step, grid.smallest_spacing());
-    let ranges = volume.bricks().ranges;
+    let bricks = volume.bricks();
+    let ranges = &bricks.ranges;
     ranges.iter().filter(|[low, high]| !table.any_visible(*low, *high)).count() as f64 / ranges.len() as f64
 }
 

@@ -34,6 +34,7 @@ impl Flat {
         let values = Rc::new(values.expect("it fits"));
         let zeros = Voxels::U8(vec![0; DIMS.iter().product::<u32>() as usize]);
         let contents = Volume::new(Grid::axis_aligned(DIMS, DVec3::ONE), zeros).expect("a valid volume").bricks();
+        let contents = contents.as_ref().clone();
         Self { renderer, values, contents, settings: n_buffer(4, 1.0) }
     }
 
