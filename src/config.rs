@@ -84,6 +84,9 @@ pub struct ServeArgs {
     /// Directory that `{"source": {"path": ...}}` may read from.
     #[arg(long, env = "SPAO_DATA_DIR", value_name = "DIR")]
     pub data_dir: Option<PathBuf>,
+    /// Show all fields of a file's header in `/v1/volumes/{id}/metadata`, also those that may name a patient.
+    #[arg(long, env = "SPAO_KEEP_IDENTITY", value_parser = clap::builder::BoolishValueParser::new(), num_args = 0..=1, default_missing_value = "true", default_value = "false")]
+    pub keep_identity: bool,
     /// Volume to load at the start, with a default scene: a file, or `procedural:KIND:SIZE`; may be given several times.
     #[arg(long = "volume", env = "SPAO_VOLUME", value_name = "VOLUME")]
     pub volumes: Vec<String>,

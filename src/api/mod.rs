@@ -19,6 +19,7 @@ mod stream;
 mod uploads;
 mod viewer;
 mod volumes;
+mod voxels;
 
 pub use auth::ApiKeys;
 pub use openapi::{OPENAPI, document};

@@ -39,6 +39,8 @@ pub struct Shared {
     pub allow_origins: Vec<String>,
     /// Where `source.path` starts.
     pub data_dir: Option<PathBuf>,
+    /// Whether what may name a patient is shown.
+    pub keep_identity: bool,
     /// Starting, serving, draining.
     pub lifecycle: Lifecycle,
     /// Bounds the volumes that are being loaded.
@@ -69,6 +71,7 @@ impl AppState {
             keys: ApiKeys::new(&config.api_keys),
             allow_origins: config.allow_origins.clone(),
             data_dir: config.data_dir.clone(),
+            keep_identity: config.keep_identity,
             lifecycle: Lifecycle::default(),
             loads: Admission::new(Limits::CONCURRENT_LOADS, Limits::WAITING_LOADS),
             resume: ResumeStore::default(),

@@ -9,7 +9,9 @@ mod keys;
 mod openapi;
 mod process;
 mod scenes;
+mod slices;
 mod volumes;
+mod voxels;
 
 use axum::Router;
 use axum::body::{Body, to_bytes};
