@@ -7,6 +7,7 @@ mod ao;
 mod auth;
 mod envelope;
 mod extract;
+mod files;
 mod frames;
 mod openapi;
 mod pages;

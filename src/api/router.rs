@@ -11,7 +11,8 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use super::{
-    AppState, ao, auth, envelope, frames, pages, presets, scenes, server, stream, uploads, viewer, volumes, voxels,
+    AppState, ao, auth, envelope, files, frames, pages, presets, scenes, server, stream, uploads, viewer, volumes,
+    voxels,
 };
 use crate::error::{ApiError, ErrorCode};
 
@@ -32,6 +33,7 @@ fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
         ("/v1/volumes/{id}/data", "GET", get(voxels::data)),
         ("/v1/volumes/{id}/thumbnail", "GET", get(voxels::thumbnail)),
         ("/v1/volumes/{id}/metadata", "GET", get(volumes::metadata)),
+        ("/v1/files", "GET", get(files::list)),
         ("/v1/scenes", "GET POST", get(scenes::list).post(scenes::create)),
         (
             "/v1/scenes/{id}",

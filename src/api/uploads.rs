@@ -1,4 +1,4 @@
-//! How volumes come: as the body of a request, from the data directory, or computed.
+//! How volumes come: as the body of a request, from the data directory, from elsewhere, or computed.
 
 use std::path::PathBuf;
 
@@ -72,7 +72,7 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
     let permit = state.loads.enter().await?;
     let dry_run = query.dry_run;
     let (name, source) = if query.format.is_none() && is_json(request.headers()) {
-        from_json(&state, query, read_json(request).await?)?
+        from_json(&state, query, read_json(request).await?).await?
     } else {
         from_body(&state, query, request).await?
     };
@@ -153,7 +153,11 @@ struct JsonSource {
     procedural: Option<ProceduralSpec>,
 }
 
-fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<(Option<String>, VolumeSource), ApiError> {
+async fn from_json(
+    state: &AppState,
+    query: UploadQuery,
+    body: Value,
+) -> Result<(Option<String>, VolumeSource), ApiError> {
     if query.raw.is_some() {
         return Err(ApiError::invalid("dims", "only for a body of voxels, not for JSON"));
     }
@@ -163,10 +167,10 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<(Optio
         JsonSource { path: Some(path), url: None, procedural: None } => {
             VolumeSource::Path { path, data_dir: data_dir(state)? }
         }
-        JsonSource { path: None, url: Some(_), procedural: None } => {
-            let message = "volumes are not fetched from other servers by this version; upload the file or use `path`";
-            return Err(ApiError::new(ErrorCode::NotImplemented, format!("source.url: {message}"))
-                .with_details(json!({ "path": "source.url" })));
+        JsonSource { path: None, url: Some(url), procedural: None } => {
+            let file = state.sources.fetch(&url, state.limits.max_upload_bytes).await?;
+            let format = Format::of_fetched(&file.name, file.content_type.as_deref(), &file.bytes)?;
+            VolumeSource::Fetched { url: file.url, bytes: file.bytes, format }
         }
         JsonSource { path: None, url: None, procedural: Some(spec) } => VolumeSource::Procedural(spec),
         _ => {
@@ -199,7 +203,7 @@ enum Blame {
 impl Blame {
     fn of(source: &VolumeSource) -> Self {
         match source {
-            VolumeSource::Upload { .. } => Self::Body,
+            VolumeSource::Upload { .. } | VolumeSource::Fetched { .. } => Self::Body,
             VolumeSource::Path { .. } => Self::Path,
             VolumeSource::Procedural(_) => Self::Procedural,
         }

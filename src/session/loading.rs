@@ -26,6 +26,15 @@ pub enum VolumeSource {
         /// What a file without a header holds.
         raw: Option<RawSpec>,
     },
+    /// The bytes of a file that was fetched.
+    Fetched {
+        /// Where from, as it may be shown.
+        url: String,
+        /// The whole file.
+        bytes: Vec<u8>,
+        /// Its format.
+        format: Format,
+    },
     /// A file.
     Path {
         /// Relative to `data_dir`, which it cannot leave.
@@ -59,7 +68,7 @@ impl VolumeSource {
     pub fn default_name(&self) -> String {
         match self {
             Self::Upload { .. } => "upload".into(),
-            Self::Path { path, .. } => {
+            Self::Fetched { url: path, .. } | Self::Path { path, .. } => {
                 bare_name(&Path::new(path).file_name().unwrap_or_default().to_string_lossy()).to_owned()
             }
             Self::Procedural(spec) => json!(spec.kind).as_str().unwrap_or_default().into(),
@@ -72,6 +81,7 @@ impl VolumeSource {
             Self::Upload { bytes, format, .. } => {
                 json!({ "upload": { "format": format.name(), "bytes": bytes.len() } })
             }
+            Self::Fetched { url, .. } => json!({ "url": url }),
             Self::Path { path, .. } => json!({ "path": path }),
             Self::Procedural(spec) => json!({ "procedural": spec }),
         }
@@ -84,6 +94,7 @@ impl VolumeSource {
     pub fn load(&self, limits: &Limits) -> Result<Volume, VolumeError> {
         match self {
             Self::Upload { bytes, format, raw } => read_bytes(bytes, *format, raw.as_ref(), limits),
+            Self::Fetched { bytes, format, .. } => read_bytes(bytes, *format, None, limits),
             Self::Path { path, data_dir } => load_path(path, data_dir, None, limits),
             Self::Procedural(spec) => spec.generate(limits),
         }
@@ -95,7 +106,7 @@ impl VolumeSource {
     /// What is wrong with the source, as far as it was looked at.
     pub fn peek(&self, limits: &Limits) -> Result<([u32; 3], VoxelType), VolumeError> {
         let (dims, voxel_type) = match self {
-            Self::Upload { .. } => {
+            Self::Upload { .. } | Self::Fetched { .. } => {
                 let volume = self.load(limits)?;
                 (volume.grid.dims, volume.voxels.voxel_type())
             }

@@ -11,6 +11,15 @@ use super::error::excerpt;
 /// Symbolic links are followed, and refused where they lead outside. Anything but a regular file is refused before it
 /// is opened: a named pipe would wait for ever.
 pub(super) fn resolve_inside(root: &Path, base: &Path, name: &str, field: &str) -> Result<PathBuf, VolumeError> {
+    let path = canonical_inside(root, base, name, field)?;
+    if !path.is_file() {
+        return Err(VolumeError::malformed(field, format!("{} is not a file", excerpt(name))));
+    }
+    Ok(path)
+}
+
+/// The same for anything that may be inside.
+pub(super) fn canonical_inside(root: &Path, base: &Path, name: &str, field: &str) -> Result<PathBuf, VolumeError> {
     let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
     if name.is_empty() || !Path::new(name).components().all(plain) {
         let message = format!("{} is not a relative path without `..`", excerpt(name));
@@ -21,9 +30,6 @@ pub(super) fn resolve_inside(root: &Path, base: &Path, name: &str, field: &str) 
     if !path.starts_with(canonical(root)?) {
         let message = format!("{} leads out of the data directory", excerpt(name));
         return Err(VolumeError::malformed(field, message));
-    }
-    if !path.is_file() {
-        return Err(VolumeError::malformed(field, format!("{} is not a file", excerpt(name))));
     }
     Ok(path)
 }

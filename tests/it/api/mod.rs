@@ -2,6 +2,7 @@
 
 pub(crate) mod accessibility;
 mod bad_scenes;
+mod catalogue;
 mod envelope;
 mod files;
 mod frames;
