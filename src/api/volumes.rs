@@ -67,7 +67,7 @@ pub(super) async fn metadata(
     let entry = state.volumes.get(&id)?;
     let (volume, about) = (&entry.volume, &entry.volume.about);
     let (shown, withheld) = match state.keep_identity {
-        true => (about.header.iter().collect(), Vec::new()),
+        true => (about.header.iter().collect(), 0),
         false => about.without_identity(),
     };
     let fields: Vec<Value> = shown.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect();
@@ -76,6 +76,6 @@ pub(super) async fn metadata(
         "nan_count": volume.nan_count,
         "notes": about.notes,
         "header": fields,
-        "withheld": withheld.len(),
+        "withheld": withheld,
     })))
 }

@@ -117,13 +117,13 @@ pub struct About {
 }
 
 impl About {
-    /// The fields of the header that cannot name a patient, and the names of the others. Whatever is not known to be
+    /// The fields of the header that cannot name a patient, and how many others there are. Whatever is not known to be
     /// technical is among the others.
-    pub fn without_identity(&self) -> (Vec<&(String, String)>, Vec<&str>) {
+    pub fn without_identity(&self) -> (Vec<&(String, String)>, usize) {
         let technical = |name: &str| TECHNICAL.contains(&name.to_ascii_lowercase().as_str());
-        let (shown, withheld): (Vec<_>, Vec<_>) = self.header.iter().partition(|(name, _)| technical(name));
-        // Names of key/value pairs are free text themselves, but not where a value belongs.
-        (shown, withheld.into_iter().map(|(name, _)| name.as_str()).collect())
+        let shown: Vec<_> = self.header.iter().filter(|(name, _)| technical(name)).collect();
+        let withheld = self.header.len() - shown.len();
+        (shown, withheld)
     }
 
     /// Keeps a field of the header, unless there are too many; cuts what is too long, and control characters out.
