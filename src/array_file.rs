@@ -1,17 +1,17 @@
-//! Float volumes to NumPy and NRRD files.
+//! Volumes to NumPy and NRRD files.
 
 use std::path::Path;
 
 use crate::renderer::AccessibilityVolume;
-use crate::volume::nrrd::attached_header;
-use crate::volume::{Grid, VoxelType};
+use crate::volume::nrrd::{attached_header, attached_header_without_space};
+use crate::volume::{Grid, Volume, VoxelType};
 
-/// A file format for float volumes.
+/// A file format for volumes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrayFormat {
-    /// NumPy's `.npy`, version 1.0: little-endian float32, C order, shape (z, y, x); without geometry.
+    /// NumPy's `.npy`, version 1.0: little-endian, C order, shape (z, y, x); without geometry.
     Npy,
-    /// NRRD version 4, raw little-endian float; placed in the world like its volume.
+    /// NRRD version 5, raw little-endian; placed in the world.
     Nrrd,
 }
 
@@ -41,7 +41,7 @@ impl ArrayFormat {
 /// The bytes of a file with the accessibility of every sample; `grid` is that of the volume it belongs to.
 pub fn write_accessibility(accessibility: &AccessibilityVolume, grid: &Grid, format: ArrayFormat) -> Vec<u8> {
     let header = match format {
-        ArrayFormat::Npy => npy_header(accessibility.dims),
+        ArrayFormat::Npy => npy_header(accessibility.dims, VoxelType::F32),
         ArrayFormat::Nrrd => attached_header(&sample_grid(accessibility, grid), VoxelType::F32).into_bytes(),
     };
     let mut file = header;
@@ -50,9 +50,31 @@ pub fn write_accessibility(accessibility: &AccessibilityVolume, grid: &Grid, for
     file
 }
 
+/// What a file of a volume begins with; its voxels follow as little-endian bytes, x fastest.
+pub fn volume_header(volume: &Volume, format: ArrayFormat) -> Vec<u8> {
+    let voxel_type = volume.voxels.voxel_type();
+    match format {
+        ArrayFormat::Npy => npy_header(volume.grid.dims, voxel_type),
+        ArrayFormat::Nrrd if volume.about.patient_axes => attached_header(&volume.grid, voxel_type).into_bytes(),
+        ArrayFormat::Nrrd => attached_header_without_space(&volume.grid, voxel_type).into_bytes(),
+    }
+}
+
 /// Magic, version 1.0, length and a Python dict, padded so that the data starts at a multiple of 64 bytes.
-fn npy_header([x, y, z]: [u32; 3]) -> Vec<u8> {
-    let mut dict = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({z}, {y}, {x}), }}");
+fn npy_header([x, y, z]: [u32; 3], voxel_type: VoxelType) -> Vec<u8> {
+    let descr = match voxel_type {
+        VoxelType::U8 => "|u1",
+        VoxelType::I8 => "|i1",
+        VoxelType::U16 => "<u2",
+        VoxelType::I16 => "<i2",
+        VoxelType::U32 => "<u4",
+        VoxelType::I32 => "<i4",
+        VoxelType::U64 => "<u8",
+        VoxelType::I64 => "<i8",
+        VoxelType::F32 => "<f4",
+        VoxelType::F64 => "<f8",
+    };
+    let mut dict = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({z}, {y}, {x}), }}");
     let preamble = 10;
     let padding = 63 - (preamble + dict.len()) % 64;
     dict.extend(std::iter::repeat_n(' ', padding));

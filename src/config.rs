@@ -7,6 +7,7 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::gpu::GpuOptions;
+use crate::sources::AllowedSource;
 
 /// Exit codes, the same for every subcommand.
 const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage.";
@@ -84,6 +85,16 @@ pub struct ServeArgs {
     /// Directory that `{"source": {"path": ...}}` may read from.
     #[arg(long, env = "SPAO_DATA_DIR", value_name = "DIR")]
     pub data_dir: Option<PathBuf>,
+    /// URL below which `{"source": {"url": ...}}` may fetch (https, http, s3, gs, az); may be given several times. Without
+    /// any, nothing is fetched.
+    #[arg(long = "allow-source", env = "SPAO_ALLOW_SOURCES", value_name = "URL", value_delimiter = ',', value_parser = AllowedSource::parse)]
+    pub allow_sources: Vec<AllowedSource>,
+    /// Fetch over http and https from addresses of private networks and of this machine too.
+    #[arg(long, env = "SPAO_ALLOW_PRIVATE_SOURCES", value_parser = clap::builder::BoolishValueParser::new(), num_args = 0..=1, default_missing_value = "true", default_value = "false")]
+    pub allow_private_sources: bool,
+    /// Show all fields of a file's header in `/v1/volumes/{id}/metadata`, also those that may name a patient.
+    #[arg(long, env = "SPAO_KEEP_IDENTITY", value_parser = clap::builder::BoolishValueParser::new(), num_args = 0..=1, default_missing_value = "true", default_value = "false")]
+    pub keep_identity: bool,
     /// Volume to load at the start, with a default scene: a file, or `procedural:KIND:SIZE`; may be given several times.
     #[arg(long = "volume", env = "SPAO_VOLUME", value_name = "VOLUME")]
     pub volumes: Vec<String>,

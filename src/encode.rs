@@ -114,6 +114,14 @@ pub fn encode_pixels(
     }
 }
 
+/// A PNG file of 8-bit grey pixels, rows from the top.
+///
+/// # Errors
+/// [`EncodeError`] when the encoder refuses the picture.
+pub fn encode_gray([width, height]: [u32; 2], pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    encode_png(width, height, png::ColorType::Grayscale, pixels)
+}
+
 fn encode_png(width: u32, height: u32, color: png::ColorType, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
     let mut bytes = Vec::with_capacity(pixels.len() / 4);
     let mut encoder = png::Encoder::new(&mut bytes, width, height);

@@ -53,6 +53,8 @@ pub enum ErrorCode {
     TooMany,
     /// A failure of the server; the log has the request id.
     Internal,
+    /// A server that a file was to come from failed.
+    SourceFailed,
     /// Too much work is waiting.
     Busy,
     /// Starting, draining, or the renderer is gone.
@@ -65,7 +67,7 @@ pub enum ErrorCode {
 
 impl ErrorCode {
     /// Every code, in the order of its status.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::Malformed,
         Self::Unauthorized,
         Self::ForbiddenOrigin,
@@ -85,6 +87,7 @@ impl ErrorCode {
         Self::NotImplemented,
         Self::TooMany,
         Self::Internal,
+        Self::SourceFailed,
         Self::Busy,
         Self::NotReady,
         Self::Timeout,
@@ -113,6 +116,7 @@ impl ErrorCode {
             Self::NotImplemented => ("not_implemented", 422),
             Self::TooMany => ("too_many", 429),
             Self::Internal => ("internal", 500),
+            Self::SourceFailed => ("source_failed", 502),
             Self::Busy => ("busy", 503),
             Self::NotReady => ("not_ready", 503),
             Self::Timeout => ("timeout", 503),

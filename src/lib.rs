@@ -18,5 +18,6 @@ pub mod renderer;
 pub mod scene;
 pub mod selftest;
 pub mod session;
+pub mod sources;
 pub mod telemetry;
 pub mod volume;

@@ -136,6 +136,15 @@ impl QueryParams {
         }
     }
 
+    /// A finite number.
+    pub(super) fn finite(&mut self, name: &str) -> Result<Option<f64>, ApiError> {
+        let Some(text) = self.text(name)? else { return Ok(None) };
+        match text.parse().ok().filter(|number: &f64| number.is_finite()) {
+            Some(number) => Ok(Some(number)),
+            None => Err(ApiError::invalid(name, format!("expected a finite number, got `{}`", shortened(&text)))),
+        }
+    }
+
     /// `true` or `false`; false when missing.
     pub(super) fn flag(&mut self, name: &str) -> Result<bool, ApiError> {
         match self.text(name)?.as_deref() {

@@ -7,6 +7,7 @@ mod ao;
 mod auth;
 mod envelope;
 mod extract;
+mod files;
 mod frames;
 mod metrics;
 mod openapi;
@@ -20,6 +21,7 @@ mod stream;
 mod uploads;
 mod viewer;
 mod volumes;
+mod voxels;
 
 pub use auth::ApiKeys;
 pub use openapi::{OPENAPI, document};

@@ -11,7 +11,8 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use super::{
-    AppState, ao, auth, envelope, frames, metrics, pages, presets, scenes, server, stream, uploads, viewer, volumes,
+    AppState, ao, auth, envelope, files, frames, metrics, pages, presets, scenes, server, stream, uploads, viewer,
+    volumes, voxels,
 };
 use crate::error::{ApiError, ErrorCode};
 
@@ -27,6 +28,12 @@ fn routes() -> Vec<(&'static str, &'static str, MethodRouter<AppState>)> {
         ("/v1/volumes", "GET POST", get(volumes::list).post(uploads::create)),
         ("/v1/volumes/{id}", "GET DELETE", get(volumes::show).delete(volumes::delete)),
         ("/v1/volumes/{id}/histogram", "GET", get(volumes::histogram)),
+        ("/v1/volumes/{id}/slice", "GET", get(voxels::slice)),
+        ("/v1/volumes/{id}/probe", "GET", get(voxels::probe)),
+        ("/v1/volumes/{id}/data", "GET", get(voxels::data)),
+        ("/v1/volumes/{id}/thumbnail", "GET", get(voxels::thumbnail)),
+        ("/v1/volumes/{id}/metadata", "GET", get(volumes::metadata)),
+        ("/v1/files", "GET", get(files::list)),
         ("/v1/scenes", "GET POST", get(scenes::list).post(scenes::create)),
         (
             "/v1/scenes/{id}",
@@ -129,6 +136,10 @@ fn cors(allow_origins: &[String]) -> Option<CorsLayer> {
             HeaderName::from_static("x-ao-grid"),
             HeaderName::from_static("x-request-id"),
             HeaderName::from_static("x-scene-revision"),
+            voxels::ORIENTATION,
+            voxels::PIXEL_SIZE,
+            voxels::SLICE_INDEX,
+            voxels::WINDOW,
         ]);
     Some(layer)
 }

@@ -13,6 +13,7 @@ use crate::config::{Limits, ServeArgs};
 use crate::error::{ApiError, ErrorCode};
 use crate::render_thread::RenderHandle;
 use crate::session::{Admission, ResumeStore, SceneStore, VolumeStore};
+use crate::sources::Sources;
 use crate::volume;
 
 /// Bytes of the largest voxel type.
@@ -39,6 +40,10 @@ pub struct Shared {
     pub allow_origins: Vec<String>,
     /// Where `source.path` starts.
     pub data_dir: Option<PathBuf>,
+    /// What may be fetched from elsewhere.
+    pub sources: Sources,
+    /// Whether what may name a patient is shown.
+    pub keep_identity: bool,
     /// Starting, serving, draining.
     pub lifecycle: Lifecycle,
     /// Bounds the volumes that are being loaded.
@@ -69,6 +74,8 @@ impl AppState {
             keys: ApiKeys::new(&config.api_keys),
             allow_origins: config.allow_origins.clone(),
             data_dir: config.data_dir.clone(),
+            sources: Sources::new(config.allow_sources.clone(), config.allow_private_sources, limits.request_timeout),
+            keep_identity: config.keep_identity,
             lifecycle: Lifecycle::default(),
             loads: Admission::new(Limits::CONCURRENT_LOADS, Limits::WAITING_LOADS),
             resume: ResumeStore::default(),

@@ -1,4 +1,4 @@
-//! How volumes come: as the body of a request, from the data directory, or computed.
+//! How volumes come: as the body of a request, from the data directory, from elsewhere, or computed.
 
 use std::path::PathBuf;
 
@@ -76,7 +76,7 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
     let permit = state.loads.enter().await?;
     let dry_run = query.dry_run;
     let (name, source) = if query.format.is_none() && is_json(request.headers()) {
-        from_json(&state, query, read_json(request).await?)?
+        from_json(&state, query, read_json(request).await?).await?
     } else {
         from_body(&state, query, request).await?
     };
@@ -161,7 +161,11 @@ struct JsonSource {
     procedural: Option<ProceduralSpec>,
 }
 
-fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<(Option<String>, VolumeSource), ApiError> {
+async fn from_json(
+    state: &AppState,
+    query: UploadQuery,
+    body: Value,
+) -> Result<(Option<String>, VolumeSource), ApiError> {
     if query.raw.is_some() {
         return Err(ApiError::invalid("dims", "only for a body of voxels, not for JSON"));
     }
@@ -172,15 +176,15 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<(Optio
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);
     let JsonSource { path, series, channel, url, procedural } = source;
     let choice = Choice { series, channel };
-    if path.is_none() && choice != Choice::default() {
-        return Err(ApiError::invalid("source.series", "goes with `path`, as does `channel`"));
+    if path.is_none() && url.is_none() && choice != Choice::default() {
+        return Err(ApiError::invalid("source.series", "goes with `path` or `url`, as does `channel`"));
     }
     let source = match (path, url, procedural) {
         (Some(path), None, None) => VolumeSource::Path { path, choice, data_dir: data_dir(state)? },
-        (None, Some(_), None) => {
-            let message = "volumes are not fetched from other servers by this version; upload the file or use `path`";
-            return Err(ApiError::new(ErrorCode::NotImplemented, format!("source.url: {message}"))
-                .with_details(json!({ "path": "source.url" })));
+        (None, Some(url), None) => {
+            let file = state.sources.fetch(&url, state.limits.max_upload_bytes).await?;
+            let format = Format::of_fetched(&file.name, file.content_type.as_deref(), &file.bytes)?;
+            VolumeSource::Fetched { url: file.url, bytes: file.bytes, format, choice }
         }
         (None, None, Some(spec)) => VolumeSource::Procedural(spec),
         _ => {
@@ -213,7 +217,7 @@ enum Blame {
 impl Blame {
     fn of(source: &VolumeSource) -> Self {
         match source {
-            VolumeSource::Upload { .. } => Self::Body,
+            VolumeSource::Upload { .. } | VolumeSource::Fetched { .. } => Self::Body,
             VolumeSource::Path { .. } => Self::Path,
             VolumeSource::Procedural(_) => Self::Procedural,
         }

@@ -1,4 +1,4 @@
-//! Resident volumes: listed, shown, counted, deleted. How they come is in `uploads.rs`.
+//! Resident volumes: listed, shown, counted, deleted. How they come is in `uploads.rs`, what they hold in `voxels.rs`.
 
 use axum::Json;
 use axum::extract::{Path, State};
@@ -55,4 +55,27 @@ pub(super) async fn histogram(
     let histogram =
         tokio::task::spawn_blocking(move || entry.volume.histogram(bins)).await.map_err(ApiError::internal)??;
     Ok(Json(json!({ "range": histogram.range, "counts": histogram.counts })))
+}
+
+/// `GET /v1/volumes/{id}/metadata`
+pub(super) async fn metadata(
+    State(state): State<AppState>,
+    Path(id): Path<String>,
+    query: QueryParams,
+) -> Result<Json<Value>, ApiError> {
+    query.finish()?;
+    let entry = state.volumes.get(&id)?;
+    let (volume, about) = (&entry.volume, &entry.volume.about);
+    let (shown, withheld) = match state.keep_identity {
+        true => (about.header.iter().collect(), 0),
+        false => about.without_identity(),
+    };
+    let fields: Vec<Value> = shown.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect();
+    Ok(Json(json!({
+        "patient_axes": about.patient_axes,
+        "nan_count": volume.nan_count,
+        "notes": about.notes,
+        "header": fields,
+        "withheld": withheld,
+    })))
 }

@@ -28,6 +28,17 @@ pub enum VolumeSource {
         /// Which of several volumes in it is meant.
         choice: Choice,
     },
+    /// The bytes of a file that was fetched.
+    Fetched {
+        /// Where from, as it may be shown.
+        url: String,
+        /// The whole file.
+        bytes: Vec<u8>,
+        /// Its format.
+        format: Format,
+        /// Which of several volumes in it.
+        choice: Choice,
+    },
     /// A file, or a folder of files.
     Path {
         /// Relative to `data_dir`, which it cannot leave.
@@ -63,7 +74,7 @@ impl VolumeSource {
     pub fn default_name(&self) -> String {
         match self {
             Self::Upload { .. } => "upload".into(),
-            Self::Path { path, .. } => {
+            Self::Fetched { url: path, .. } | Self::Path { path, .. } => {
                 bare_name(&Path::new(path).file_name().unwrap_or_default().to_string_lossy()).to_owned()
             }
             Self::Procedural(spec) => json!(spec.kind).as_str().unwrap_or_default().into(),
@@ -76,6 +87,7 @@ impl VolumeSource {
             Self::Upload { bytes, format, .. } => {
                 json!({ "upload": { "format": format.name(), "bytes": bytes.len() } })
             }
+            Self::Fetched { url, .. } => json!({ "url": url }),
             Self::Path { path, choice, .. } => {
                 let mut json = json!({ "path": path });
                 if let Some(series) = &choice.series {
@@ -98,6 +110,7 @@ impl VolumeSource {
         match self {
             Self::Upload { bytes, format, raw, choice } => read_chosen(bytes, *format, raw.as_ref(), choice, limits),
             Self::Path { path, choice, data_dir } => load_chosen(path, data_dir, None, choice, limits),
+            Self::Fetched { bytes, format, choice, .. } => read_chosen(bytes, *format, None, choice, limits),
             Self::Procedural(spec) => spec.generate(limits),
         }
     }
@@ -108,7 +121,7 @@ impl VolumeSource {
     /// What is wrong with the source, as far as it was looked at.
     pub fn peek(&self, limits: &Limits) -> Result<([u32; 3], VoxelType), VolumeError> {
         let (dims, voxel_type) = match self {
-            Self::Upload { .. } => {
+            Self::Upload { .. } | Self::Fetched { .. } => {
                 let volume = self.load(limits)?;
                 (volume.grid.dims, volume.voxels.voxel_type())
             }

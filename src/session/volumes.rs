@@ -1,7 +1,7 @@
 //! The resident volumes, and who uses them.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, SystemTime};
 
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use crate::error::{ApiError, ErrorCode};
 use crate::render_thread::RenderHandle;
 use crate::renderer::RenderError;
 use crate::scene::{HistogramView, VolumeFacts};
-use crate::volume::{Histogram, Volume, VolumeId};
+use crate::volume::{GrayPicture, Histogram, Volume, VolumeId};
 
 /// Time between two tries to give a volume back to a busy renderer.
 const RELEASE_RETRY: Duration = Duration::from_millis(50);
@@ -33,9 +33,16 @@ pub struct VolumeEntry {
     pub source: Value,
     /// When it became resident.
     pub created_at: SystemTime,
+    /// Made when it is asked for first.
+    thumbnail: OnceLock<GrayPicture>,
 }
 
 impl VolumeEntry {
+    /// See [`Volume::thumbnail`]. The first call reads every voxel: never on an async worker.
+    pub fn thumbnail(&self) -> &GrayPicture {
+        self.thumbnail.get_or_init(|| self.volume.thumbnail())
+    }
+
     /// What a scene of this volume is completed with.
     pub fn facts(&self) -> VolumeFacts<'_> {
         volume_facts(&self.id, &self.volume, &self.histogram)
@@ -54,6 +61,9 @@ impl VolumeEntry {
             "created_at": rfc3339(self.created_at),
         });
         merge(&mut json, rest);
+        if !self.volume.about.notes.is_empty() {
+            json["notes"] = json!(self.volume.about.notes);
+        }
         json
     }
 }
@@ -243,6 +253,7 @@ impl Place {
             sha256: new.sha256,
             source: new.source,
             created_at: SystemTime::now(),
+            thumbnail: OnceLock::new(),
         });
         let mut inner = self.store.lock();
         inner.sequence += 1;

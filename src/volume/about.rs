@@ -6,6 +6,105 @@ const MAX_FIELDS: usize = 500;
 /// Longest value of a field that is kept, in characters.
 const MAX_VALUE: usize = 1000;
 
+/// Fields that say how voxels are stored and where they are, by their names in lower case, over all formats. No others
+/// are technical: free text and names of files may name a patient.
+const TECHNICAL: &[&str] = &[
+    // NRRD
+    "axis maxs",
+    "axis mins",
+    "axismaxs",
+    "axismins",
+    "block size",
+    "blocksize",
+    "byte skip",
+    "byteskip",
+    "centerings",
+    "centers",
+    "dimension",
+    "encoding",
+    "endian",
+    "kinds",
+    "line skip",
+    "lineskip",
+    "max",
+    "measurement frame",
+    "min",
+    "number",
+    "old max",
+    "old min",
+    "oldmax",
+    "oldmin",
+    "sample units",
+    "sampleunits",
+    "sizes",
+    "space",
+    "space dimension",
+    "space directions",
+    "space origin",
+    "space units",
+    "spacings",
+    "thicknesses",
+    "type",
+    "units",
+    // NIfTI
+    "datatype",
+    "dim",
+    "pixdim",
+    "qform_code",
+    "qoffset",
+    "quatern",
+    "scl_inter",
+    "scl_slope",
+    "sform_code",
+    "srow_x",
+    "srow_y",
+    "srow_z",
+    "version",
+    // MetaImage
+    "anatomicalorientation",
+    "binarydata",
+    "binarydatabyteordermsb",
+    "centerofrotation",
+    "compresseddata",
+    "compresseddatasize",
+    "dimsize",
+    "distanceunits",
+    "elementbyteordermsb",
+    "elementmax",
+    "elementmin",
+    "elementnumberofchannels",
+    "elementsize",
+    "elementspacing",
+    "elementtype",
+    "headersize",
+    "modality",
+    "ndims",
+    "objecttype",
+    "offset",
+    "orientation",
+    "origin",
+    "position",
+    "rotation",
+    "transformmatrix",
+    // NumPy
+    "descr",
+    "fortran_order",
+    "shape",
+    // VTK
+    "dataarray format",
+    "dataarray numberofcomponents",
+    "dataarray offset",
+    "dataarray type",
+    "byte_order",
+    "compressor",
+    "direction",
+    "extent",
+    "header_type",
+    "piece",
+    "spacing",
+    "wholeextent",
+];
+
 /// What is known of a volume besides its voxels. Not part of what it is: equal voxels from two files have equal sums.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct About {
@@ -18,6 +117,15 @@ pub struct About {
 }
 
 impl About {
+    /// The fields of the header that cannot name a patient, and how many others there are. Whatever is not known to be
+    /// technical is among the others.
+    pub fn without_identity(&self) -> (Vec<&(String, String)>, usize) {
+        let technical = |name: &str| TECHNICAL.contains(&name.to_ascii_lowercase().as_str());
+        let shown: Vec<_> = self.header.iter().filter(|(name, _)| technical(name)).collect();
+        let withheld = self.header.len() - shown.len();
+        (shown, withheld)
+    }
+
     /// Keeps a field of the header, unless there are too many; cuts what is too long, and control characters out.
     pub(super) fn field(&mut self, name: &str, value: impl AsRef<str>) {
         if self.header.len() < MAX_FIELDS {

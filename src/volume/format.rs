@@ -84,12 +84,18 @@ impl Format {
         by_magic(&head).unwrap_or_else(|| Err(unrecognised("content type or first bytes", &head)))
     }
 
+    /// The format of a file that was fetched: by the end of its name, else as that of an upload.
+    ///
+    /// # Errors
+    /// As [`Self::detect`].
+    pub fn of_fetched(name: &str, content_type: Option<&str>, first_bytes: &[u8]) -> Result<Self, VolumeError> {
+        by_ending(name).unwrap_or_else(|| Self::detect(None, content_type, first_bytes))
+    }
+
     /// By the end of a file's name, else by its first bytes.
     fn of_file(path: &Path, input: &mut Input) -> Result<Self, VolumeError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let name = unwrapped_name(&name);
-        let ends_in = |endings: &[&str]| endings.iter().any(|ending| stem(&name, ending).is_some());
-        if let Some(format) = by_hint(|row| ends_in(row.endings), |endings| ends_in(endings)) {
+        if let Some(format) = by_ending(&name) {
             return format;
         }
         let head = input.head()?;
@@ -116,6 +122,13 @@ fn stem<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
 fn by_hint(read: impl Fn(&Row) -> bool, not_read: impl Fn(&[&str]) -> bool) -> Option<Result<Format, VolumeError>> {
     let known = TABLE.iter().find(|row| read(row)).map(|row| Ok(row.format));
     known.or_else(|| NOT_READ.iter().find(|row| not_read(row.endings)).map(|row| Err(row.refusal())))
+}
+
+/// `None` for a name that says nothing.
+pub(super) fn by_ending(file_name: &str) -> Option<Result<Format, VolumeError>> {
+    let name = unwrapped_name(file_name);
+    let ends_in = |endings: &[&str]| endings.iter().any(|ending| stem(&name, ending).is_some());
+    by_hint(|row| ends_in(row.endings), |endings| ends_in(endings))
 }
 
 fn by_magic(head: &[u8]) -> Option<Result<Format, VolumeError>> {

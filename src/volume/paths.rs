@@ -20,6 +20,15 @@ pub(super) fn resolve_inside(root: &Path, base: &Path, name: &str, field: &str) 
 
 /// [`resolve_inside`] for a file or a folder.
 pub(super) fn resolve_any(root: &Path, base: &Path, name: &str, field: &str) -> Result<PathBuf, VolumeError> {
+    let path = canonical_inside(root, base, name, field)?;
+    if !path.is_file() && !path.is_dir() {
+        return Err(VolumeError::malformed(field, format!("{} is neither a file nor a folder", excerpt(name))));
+    }
+    Ok(path)
+}
+
+/// The same for anything that may be inside.
+pub(super) fn canonical_inside(root: &Path, base: &Path, name: &str, field: &str) -> Result<PathBuf, VolumeError> {
     let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
     if name.is_empty() || !Path::new(name).components().all(plain) {
         let message = format!("{} is not a relative path without `..`", excerpt(name));
@@ -30,9 +39,6 @@ pub(super) fn resolve_any(root: &Path, base: &Path, name: &str, field: &str) -> 
     if !path.starts_with(canonical(root)?) {
         let message = format!("{} leads out of the data directory", excerpt(name));
         return Err(VolumeError::malformed(field, message));
-    }
-    if !path.is_file() && !path.is_dir() {
-        return Err(VolumeError::malformed(field, format!("{} is neither a file nor a folder", excerpt(name))));
     }
     Ok(path)
 }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 use std::io::{self, Read};
+use std::ops::Range;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -204,6 +205,15 @@ impl Voxels {
                 Cow::Owned(bytes)
             }
         }
+    }
+
+    /// The voxels of a range as little-endian bytes. Panics beyond `len`.
+    pub fn little_endian_range(&self, voxels: Range<usize>) -> Vec<u8> {
+        let mut bytes = with_voxels!(self, v => bytemuck::cast_slice::<_, u8>(&v[voxels]).to_vec());
+        if Endian::NATIVE == Endian::Big {
+            reverse_each(&mut bytes, self.voxel_type().bytes() as usize);
+        }
+        bytes
     }
 
     /// Value range and NaN count; an infinite value is an error that names `voxels` and its index.

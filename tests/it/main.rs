@@ -11,6 +11,7 @@ mod house;
 mod reference;
 mod renderer;
 mod scene;
+mod sources;
 mod stream;
 mod support;
 mod tidy;

@@ -22,7 +22,7 @@ mod write;
 use std::io::BufRead;
 
 pub use header::{ByteSkip, DataLocation, Encoding, Header, read_header};
-pub use write::attached_header;
+pub use write::{attached_header, attached_header_without_space};
 
 pub use super::input::Siblings;
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod accessibility;
 mod bad_scenes;
+mod catalogue;
 mod envelope;
 mod files;
 mod frames;
@@ -9,7 +10,9 @@ mod keys;
 mod openapi;
 mod process;
 mod scenes;
+mod slices;
 mod volumes;
+mod voxels;
 
 use axum::Router;
 use axum::body::{Body, to_bytes};

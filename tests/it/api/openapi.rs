@@ -8,6 +8,7 @@ use spao_server::api::{document, route_table};
 use spao_server::error::ErrorCode;
 
 use super::{Server, request};
+use crate::volume::independent;
 
 type Pairs = BTreeSet<(String, String)>;
 
@@ -141,6 +142,12 @@ async fn real_answers_have_exactly_the_documented_fields() {
     assert_eq!(check("Scene", &scene), none);
     assert_eq!(check("SceneList", &server.get("/v1/scenes").await.json()), none);
     assert_eq!(check("Histogram", &server.get(&format!("/v1/volumes/{volume}/histogram?bins=4")).await.json()), none);
+    assert_eq!(check("Probe", &server.get(&format!("/v1/volumes/{volume}/probe?x=1&y=1&z=1")).await.json()), none);
+    let with_files = Server::new(&["--data-dir", independent::directory().to_str().expect("UTF-8")]);
+    for query in ["", "?headers=true&limit=100"] {
+        assert_eq!(check("FileList", &with_files.get(&format!("/v1/files{query}")).await.json()), none);
+    }
+    assert_eq!(check("Metadata", &server.get(&format!("/v1/volumes/{volume}/metadata")).await.json()), none);
     assert_eq!(check("PresetList", &server.get("/v1/presets").await.json()), none);
     assert_eq!(check("PresetList", &server.get(&format!("/v1/presets?volume={volume}")).await.json()), none);
     assert_eq!(check("Server", &server.get("/v1/server").await.json()), none);

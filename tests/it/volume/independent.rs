@@ -10,8 +10,8 @@ use spao_server::volume::{Format, Limits, Volume, format};
 /// What the independent reader says of a file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Expected {
-    pub(super) file: String,
+pub(crate) struct Expected {
+    pub(crate) file: String,
     dims: [u32; 3],
     #[serde(rename = "type")]
     voxel_type: String,
@@ -22,16 +22,16 @@ pub(super) struct Expected {
     patient_axes: bool,
 }
 
-pub(super) fn directory() -> PathBuf {
+pub(crate) fn directory() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/volume/fixtures/files")
 }
 
-pub(super) fn expected() -> Vec<Expected> {
+pub(crate) fn expected() -> Vec<Expected> {
     let text = std::fs::read_to_string(directory().join("../expected.json")).expect("it is committed");
     serde_json::from_str(&text).expect("make.py wrote it")
 }
 
-pub(super) fn bytes_of(file: &str) -> Vec<u8> {
+pub(crate) fn bytes_of(file: &str) -> Vec<u8> {
     std::fs::read(directory().join(file)).expect("a file of the fixtures")
 }
 

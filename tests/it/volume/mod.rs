@@ -10,7 +10,7 @@ mod fixture;
 mod format;
 mod formats_fuzz;
 mod histogram;
-mod independent;
+pub(crate) mod independent;
 mod metaimage;
 mod nifti;
 mod npy;
@@ -27,7 +27,7 @@ mod wrapping;
 use spao_server::volume::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, nrrd as nrrd_format};
 
 /// A CT head of 128 x 128 x 105 `i16` voxels.
-const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/visible-human-head-128.nrrd");
+pub(crate) const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/visible-human-head-128.nrrd");
 
 /// A unit grid with the voxels.
 fn volume(dims: [u32; 3], voxels: Voxels) -> Volume {

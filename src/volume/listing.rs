@@ -1,0 +1,100 @@
+//! What is in the data directory, for people who look for a volume.
+
+use std::fs::DirEntry;
+use std::path::Path;
+
+use super::format::{by_ending, peek_path};
+use super::{Format, VolumeError, VoxelType, paths};
+
+/// Most entries of one directory that are looked at.
+const MAX_ENTRIES: usize = 100_000;
+
+/// A page of a directory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Listing {
+    /// In the order of their names.
+    pub entries: Vec<ListedFile>,
+    /// Whether there are more after the last one.
+    pub more: bool,
+}
+
+/// A file or a directory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ListedFile {
+    /// Its name in the directory.
+    pub name: String,
+    /// Bytes of a file; `None` for a directory.
+    pub bytes: Option<u64>,
+    /// By the end of its name, if that says so.
+    pub format: Option<Format>,
+    /// Dims and type by its header, or what is wrong with it; `None` where nobody asked.
+    pub header: Option<Result<([u32; 3], VoxelType), String>>,
+}
+
+/// Lists at most `limit` entries of a directory below `data_dir`, `""` being that one, whose names come after `after`.
+/// Hidden files, names that are not Unicode, and links that lead outside are left out.
+///
+/// # Errors
+/// Names `path` if it is not a directory inside `data_dir`, or has more than 100,000 entries.
+pub fn list_directory(
+    path: &str,
+    data_dir: &Path,
+    after: &str,
+    limit: usize,
+    with_headers: bool,
+) -> Result<Listing, VolumeError> {
+    let io = |error| VolumeError::io("path", error);
+    let directory = match path {
+        "" => data_dir.canonicalize().map_err(io)?,
+        _ => paths::canonical_inside(data_dir, data_dir, path, "path")?,
+    };
+    if !directory.is_dir() {
+        return Err(VolumeError::malformed("path", "not a directory"));
+    }
+    let mut names = Vec::new();
+    for (count, entry) in directory.read_dir().map_err(io)?.enumerate() {
+        if count >= MAX_ENTRIES {
+            return Err(VolumeError::malformed("path", format!("the directory has more than {MAX_ENTRIES} entries")));
+        }
+        let entry = entry.map_err(io)?;
+        if let Some(name) = entry.file_name().to_str()
+            && !name.starts_with('.')
+            && name > after
+        {
+            names.push((name.to_owned(), entry));
+        }
+    }
+    names.sort_unstable_by(|(a, _), (b, _)| a.cmp(b));
+    let root = data_dir.canonicalize().map_err(io)?;
+    let mut found = names.into_iter().filter_map(|(name, entry)| listed(name, &entry, &root));
+    let mut entries: Vec<ListedFile> = found.by_ref().take(limit).collect();
+    let more = found.next().is_some();
+    if with_headers {
+        for entry in entries.iter_mut().filter(|entry| entry.bytes.is_some()) {
+            let file = Path::new(path).join(&entry.name);
+            // Both parts were text.
+            entry.header = file.to_str().map(|file| peek_path(file, data_dir, None).map_err(|error| told(&error)));
+        }
+    }
+    Ok(Listing { entries, more })
+}
+
+/// `None` for what cannot be loaded in any case.
+fn listed(name: String, entry: &DirEntry, root: &Path) -> Option<ListedFile> {
+    let path = entry.path().canonicalize().ok()?;
+    let metadata = path.metadata().ok()?;
+    if !path.starts_with(root) || !(metadata.is_dir() || metadata.is_file()) {
+        return None;
+    }
+    let bytes = metadata.is_file().then_some(metadata.len());
+    let format = bytes.and(by_ending(&name)).and_then(Result::ok);
+    Some(ListedFile { name, bytes, format, header: None })
+}
+
+/// Of a system's failure only the kind: the rest may say more than a client should know.
+fn told(error: &VolumeError) -> String {
+    match error {
+        VolumeError::Io { field, source } => format!("{field}: {}", source.kind()),
+        other => other.to_string(),
+    }
+}
