@@ -86,6 +86,7 @@ pub(super) struct Preparation {
     pub(super) scene: Arc<Scene>,
     pub(super) task: Task<Result<(), ApiError>>,
     pub(super) progress: watch::Receiver<f64>,
+    pub(super) begun: tokio::time::Instant,
 }
 
 impl Preparation {
@@ -96,6 +97,6 @@ impl Preparation {
             state.renderer.prepare_in(&group, wanted, sender).await?;
             Ok(())
         });
-        Self { scene, task, progress }
+        Self { scene, task, progress, begun: tokio::time::Instant::now() }
     }
 }

@@ -22,8 +22,9 @@ use crate::session::{SceneChange, SceneEntry, SceneSnapshot, View};
 
 /// Input has stopped when nothing came for so long; the final picture follows.
 const SETTLED: Duration = Duration::from_millis(200);
-/// Ambient occlusion is computed when opacities have not changed for so long.
-const OPACITIES_SETTLED: Duration = Duration::from_millis(120);
+/// An update of ambient occlusion that an edit has overtaken may go on for so long, counted from its beginning: it is
+/// nearer to what is wanted than what is there, and if each edit ended it none would ever be done while a slider moves.
+const OVERTAKEN: Duration = Duration::from_millis(500);
 /// Changes of one client that follow each other within this time are one step of undo.
 const SAME_GESTURE: Duration = Duration::from_millis(700);
 /// Time between two tries when the renderer is busy.
@@ -55,7 +56,6 @@ pub(super) struct Watcher {
     stale: bool,
     final_due: bool,
     last_input: Instant,
-    opacities_changed: Instant,
     /// The last picture was drawn with accessibility that is not what the scene asks for.
     refining: bool,
     retry_at: Option<Instant>,
@@ -122,7 +122,6 @@ impl Watcher {
             stale: true,
             final_due: true,
             last_input: now,
-            opacities_changed: now,
             refining: false,
             retry_at: None,
             progress_at: now,
@@ -162,10 +161,12 @@ impl Watcher {
             return;
         }
         self.retry_at = None;
-        if self.preparation.as_ref().is_some_and(|p| !p.scene.same_occlusion(&self.told.scene)) {
+        let overtaken = |p: &Preparation| !p.scene.same_occlusion(&self.told.scene);
+        if self.preparation.as_ref().is_some_and(|p| overtaken(p) && p.begun + OVERTAKEN <= now) {
             self.preparation = None;
+            self.refining = true;
         }
-        if self.refining && self.preparation.is_none() && self.opacities_changed + OPACITIES_SETTLED <= now {
+        if self.refining && self.preparation.is_none() {
             self.refining = false;
             let scene = self.told.scene.clone();
             self.preparation = Some(Preparation::start(&self.state, self.entry.id(), scene));
@@ -221,8 +222,7 @@ impl Watcher {
             return self.retry_at;
         }
         let settle = (self.final_due && !self.stale && self.may_draw()).then(|| self.last_input + SETTLED);
-        let prepare = (self.refining && self.preparation.is_none()).then(|| self.opacities_changed + OPACITIES_SETTLED);
-        settle.into_iter().chain(prepare).min()
+        settle
     }
 
     /// Waits for work in progress, or until some is due. May be dropped and called again.
@@ -246,7 +246,9 @@ impl Watcher {
             Work::Picture(Ok(picture)) => self.show(picture, out),
             Work::Picture(Err(error)) => self.picture_failed(&error, out),
             Work::Prepared(result) => {
-                self.preparation = None;
+                // What was overtaken is followed by what is wanted now.
+                let done = self.preparation.take();
+                self.refining |= done.is_some_and(|p| !p.scene.same_occlusion(&self.told.scene));
                 match result {
                     Ok(()) => out.say(&messages::progress(1.0)),
                     Err(error) if error.code == ErrorCode::Busy => {
@@ -349,9 +351,6 @@ impl Watcher {
             }
             let patch = merge_patch_between(&known, &now.scene.to_json());
             out.say(&json!({ "type": "scene", "revision": now.revision, "patch": patch }));
-        }
-        if !now.scene.same_occlusion(&self.told.scene) {
-            self.opacities_changed = Instant::now();
         }
         self.told = now.clone();
         self.input();
