@@ -20,6 +20,9 @@ use crate::volume::Bricks;
 /// How long the device may be kept before another scene gets its turn.
 const SLICE_TIME: Duration = Duration::from_millis(60);
 
+/// Room for lists and for the parameters of the passes of a submission.
+const PARAMETER_BYTES: u64 = 256 << 10;
+
 /// Words of the arguments of a dispatch, one of them unused.
 pub(super) const DISPATCH_WORDS: u32 = 4;
 
@@ -157,6 +160,8 @@ impl AoBuild {
             pyramid.borrow_mut().make_windows(gpu, &settings)?;
         }
 
+        gpu.budget.check("ambient occlusion", PARAMETER_BYTES)?;
+
         // From here on the pyramid is on its way: nothing may fail that could have failed before.
         let update = pyramid.borrow_mut().begin(gpu, &source, &settings, &wanted);
         // Every ray is traced again, whatever has changed.
@@ -214,6 +219,15 @@ impl AoBuild {
         // Submitted piece by piece, because the cost of a step is not known before: looking at the clock in between
         // keeps a turn short, and waiting for each costs nothing beside what it computes.
         while begin.elapsed() < SLICE_TIME / 2 && !self.run(gpu, stages, SUBMISSION_COST)?.is_empty() {}
+        Ok(self.steps.is_empty())
+    }
+
+    /// Runs the next step alone; true when done.
+    ///
+    /// # Errors
+    /// As [`Self::advance`].
+    pub fn step(&mut self, gpu: &Gpu, stages: &AoStages) -> Result<bool, GpuError> {
+        self.run(gpu, stages, 0)?;
         Ok(self.steps.is_empty())
     }
 

@@ -81,16 +81,24 @@ impl AoProgress {
 
     /// Looks for a result, else joins or begins a build.
     fn begin(&self, renderer: &mut Renderer, resident: &ResidentVolume, scene: &Scene) -> Result<Begun, RenderError> {
-        let wish = || Wish::new(resident, scene, self.coverage);
-        let first = wish();
-        if let Some(result) = renderer.occlusion.finished(&first.key) {
+        let wish = Wish::new(resident, scene, self.coverage);
+        if let Some(result) = renderer.occlusion.finished(&wish.key) {
             return Ok(Begun::Finished(result));
         }
-        let key = first.key.clone();
-        let mut next = Some(first);
+        let key = wish.key.clone();
+        if let Some(build) = renderer.occlusion.under_way(&key) {
+            return Ok(Begun::Build(key, build));
+        }
+        let pyramid = loop {
+            let pyramid = renderer.occlusion.pyramid(&renderer.gpu, &wish);
+            match renderer.with_resident(pyramid) {
+                Err(error) if renderer.make_room(&error) => {}
+                result => break result?,
+            }
+        };
+        // Held from here on: room for the rest of the build is not made of the pyramid that it starts from.
         loop {
-            let wish = next.take().unwrap_or_else(wish);
-            let build = renderer.occlusion.build(&renderer.gpu, &renderer.stages.ao, wish);
+            let build = renderer.occlusion.build(&renderer.gpu, &renderer.stages.ao, wish.clone(), pyramid.clone());
             match renderer.with_resident(build) {
                 Err(error) if renderer.make_room(&error) => {}
                 result => return Ok(Begun::Build(key, result?)),

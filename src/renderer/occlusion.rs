@@ -23,7 +23,7 @@ pub enum Coverage {
 }
 
 /// What a picture or a download wants: the key of the result, and how to come by it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Wish {
     pub(super) key: AoKey,
     pub(super) source: AoSource,
@@ -128,12 +128,14 @@ impl Occlusion {
         self.cache.get(key)
     }
 
-    /// The build under way, or a new one: an update of the idle pyramid that is nearest to what is wished.
-    pub(super) fn build(&mut self, gpu: &Gpu, stages: &AoStages, wish: Wish) -> Result<Rc<RefCell<AoBuild>>, GpuError> {
-        let under_way = self.builds.get(&wish.key).and_then(Weak::upgrade);
-        if let Some(build) = under_way.filter(|build| !build.borrow().has_failed()) {
-            return Ok(build);
-        }
+    /// The build of this result that is under way.
+    pub(super) fn under_way(&self, key: &AoKey) -> Option<Rc<RefCell<AoBuild>>> {
+        let build = self.builds.get(key).and_then(Weak::upgrade);
+        build.filter(|build| !build.borrow().has_failed())
+    }
+
+    /// The idle pyramid that is nearest to what is wished, or a new one. It is not idle while it is held.
+    pub(super) fn pyramid(&mut self, gpu: &Gpu, wish: &Wish) -> Result<Rc<RefCell<Pyramid>>, GpuError> {
         self.pyramids.retain(|kept| !kept.pyramid.borrow().is_broken());
         let (volume, structure) = (wish.key.volume().clone(), wish.structure());
         let fitting = |kept: &KeptPyramid| kept.is_idle() && kept.volume == volume && kept.structure == structure;
@@ -148,6 +150,17 @@ impl Occlusion {
         if self.pyramids.len() > MOST_PYRAMIDS {
             self.evict_pyramid();
         }
+        Ok(pyramid)
+    }
+
+    /// Begins a build from a pyramid.
+    pub(super) fn build(
+        &mut self,
+        gpu: &Gpu,
+        stages: &AoStages,
+        wish: Wish,
+        pyramid: Rc<RefCell<Pyramid>>,
+    ) -> Result<Rc<RefCell<AoBuild>>, GpuError> {
         let key = wish.key.clone();
         let build = Rc::new(RefCell::new(wish.build(gpu, stages, pyramid)?));
         self.builds.retain(|_, b| b.strong_count() > 0);

@@ -62,7 +62,7 @@ fn a_volume_beyond_the_budget_is_refused_with_numbers_and_nothing_of_it_remains(
         assert!(matches!(answer, Err(RenderError::UnknownVolume(_))), "{answer:?}");
     }
     // A second one takes the place of the first, which comes back when it is looked at.
-    let mut renderer = open(needed + voxels);
+    let mut renderer = open(2 * needed - 1);
     let (first, second) = (VolumeId("v_1".into()), VolumeId("v_2".into()));
     let residency = renderer.add_volume(first.clone(), volume.clone()).expect("one fits");
     assert_eq!(residency.gpu_bytes, needed);
@@ -118,7 +118,8 @@ fn finished_accessibility_makes_room_for_what_is_wanted_now() {
     assert_eq!(ample.memory().used_bytes, before);
 
     // One result besides: more of them have to go, for the next build as well as for tables and pixels.
-    let mut tight = open(volume_bytes + result_bytes + build_bytes);
+    let parameters = 256 << 10;
+    let mut tight = open(volume_bytes + result_bytes + build_bytes + parameters);
     tight.add_volume(id.clone(), volume.clone()).expect("the volume fits");
     for _ in 0..2 {
         for (levels, expected) in (1..=4).zip(&expected) {

@@ -104,12 +104,12 @@ impl Bench {
         work
     }
 
-    /// Begins an update that nobody waits for: after so many turns its build is dropped. True if it had not come to
+    /// Begins an update that nobody waits for: after so many steps its build is dropped. True if it had not come to
     /// its end by then.
     fn abandon(&self, kept: &Kept, state: &State, turns: u64) -> bool {
         let mut build = self.begin(kept, state);
         let (gpu, stages) = self.renderer.ao_tools();
-        (0..turns).all(|_| !build.advance(gpu, stages).expect("the device works"))
+        (0..turns).all(|_| !build.step(gpu, stages).expect("the device works"))
     }
 
     fn bits(&self, kept: &Kept) -> Bits {
