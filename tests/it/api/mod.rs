@@ -5,6 +5,7 @@ mod bad_scenes;
 mod envelope;
 mod files;
 mod frames;
+mod hostile;
 mod keys;
 mod openapi;
 mod process;
