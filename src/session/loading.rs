@@ -53,21 +53,23 @@ pub enum VolumeSource {
 }
 
 impl VolumeSource {
-    /// A volume named on the command line: a file, or `procedural:KIND:SIZE` (or `KIND:X,Y,Z`).
+    /// A volume named on the command line: `procedural:KIND:SIZE` (or `KIND:X,Y,Z`), a file or folder, or one of the
+    /// volumes in it (`study.zip#series=4`, `cells.tif#channel=1`).
     ///
     /// # Errors
-    /// Names `procedural`, or `path` if there is no such file.
+    /// Names `procedural`, `channel` if that is not a number, or `path` if there is no such file.
     pub fn from_argument(argument: &str) -> Result<Self, VolumeError> {
         if let Some(text) = argument.strip_prefix("procedural:") {
             return procedural_from_argument(text).map(Self::Procedural);
         }
         let io = |source| VolumeError::Io { field: format!("path `{argument}`"), source };
+        let (file, choice) = file_and_choice(argument)?;
         // Resolved first: on the command line a symbolic link may lead anywhere.
-        let path = Path::new(argument).canonicalize().map_err(io)?;
+        let path = Path::new(file).canonicalize().map_err(io)?;
         let (Some(directory), Some(file)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
             return Err(io(std::io::ErrorKind::InvalidFilename.into()));
         };
-        Ok(Self::Path { path: file.to_owned(), choice: Choice::default(), data_dir: directory.to_owned() })
+        Ok(Self::Path { path: file.to_owned(), choice, data_dir: directory.to_owned() })
     }
 
     /// What the volume is called when nobody names it.
@@ -147,6 +149,27 @@ impl VolumeSource {
             source: self.to_json(),
             volume: Arc::new(volume),
         })
+    }
+}
+
+/// `FILE`, `FILE#series=NAME` or `FILE#channel=NUMBER`; a file that is really called so is meant itself.
+fn file_and_choice(argument: &str) -> Result<(&str, Choice), VolumeError> {
+    let mut choice = Choice::default();
+    match argument.rsplit_once('#') {
+        Some((file, which)) if !Path::new(argument).exists() => {
+            if let Some(series) = which.strip_prefix("series=") {
+                choice.series = Some(series.to_owned());
+            } else if let Some(channel) = which.strip_prefix("channel=") {
+                choice.channel = Some(channel.parse().map_err(|_| VolumeError::Malformed {
+                    field: "channel".into(),
+                    message: format!("`{channel}` is not a whole number, counted from 0"),
+                })?);
+            } else {
+                return Ok((argument, choice));
+            }
+            Ok((file, choice))
+        }
+        _ => Ok((argument, choice)),
     }
 }
 

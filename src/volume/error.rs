@@ -45,11 +45,11 @@ pub enum VolumeError {
 
 impl VolumeError {
     pub(super) fn malformed(field: &str, message: impl Into<String>) -> Self {
-        Self::Malformed { field: field.to_owned(), message: message.into() }
+        Self::Malformed { field: field.to_owned(), message: plain(message.into()) }
     }
 
     pub(super) fn unsupported(field: &str, message: impl Into<String>) -> Self {
-        Self::Unsupported { field: field.to_owned(), message: message.into() }
+        Self::Unsupported { field: field.to_owned(), message: plain(message.into()) }
     }
 
     pub(super) fn io(field: &str, source: io::Error) -> Self {
@@ -67,10 +67,15 @@ impl VolumeError {
     }
 }
 
+/// A message without control characters: libraries repeat in theirs what is in the file.
+fn plain(message: String) -> String {
+    if message.contains(char::is_control) { message.replace(char::is_control, "?") } else { message }
+}
+
 /// The start of untrusted text, short enough and plain enough to put into a message.
 pub(super) fn excerpt(text: &str) -> String {
     const LONGEST: usize = 60;
-    let mut short: String = text.chars().take(LONGEST).map(|c| if c.is_control() { '?' } else { c }).collect();
+    let mut short = plain(text.chars().take(LONGEST).collect());
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

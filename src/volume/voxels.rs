@@ -272,11 +272,12 @@ fn read_full(field: &str, reader: &mut dyn Read, bytes: &mut [u8]) -> Result<usi
 /// What decompressors report as bad input is the file's fault; the rest is the system's.
 pub(super) fn data_error(field: &str, error: io::Error) -> VolumeError {
     match error.kind() {
-        io::ErrorKind::InvalidInput | io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof => {
-            VolumeError::malformed(field, format!("corrupt compressed data: {error}"))
-        }
-        _ => VolumeError::io(field, error),
+        io::ErrorKind::InvalidInput | io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof => {}
+        _ if error.raw_os_error().is_some() => return VolumeError::io(field, error),
+        // Decoders have kinds of their own for what they cannot read.
+        _ => {}
     }
+    VolumeError::malformed(field, format!("corrupt compressed data: {error}"))
 }
 
 fn reverse_each(bytes: &mut [u8], size: usize) {

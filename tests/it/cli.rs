@@ -49,6 +49,30 @@ fn inspect_prints_what_a_file_holds() {
 }
 
 #[test]
+fn one_of_several_volumes_in_a_file_is_named_after_it() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
+    let inspect = |argument: &str| -> Value {
+        serde_json::from_str(&done(&["inspect", &format!("{data}/{argument}")])).expect("JSON")
+    };
+    let refused = |argument: &str| failed(&["inspect", &format!("{data}/{argument}")], 1);
+    assert_eq!(inspect("dicom/several.zip#series=4")["dims"], serde_json::json!([5, 4, 3]));
+    assert_eq!(inspect("dicom/several.zip#series=5")["dims"], serde_json::json!([5, 4, 4]));
+    assert!(refused("dicom/several.zip").contains("series=5"));
+    assert!(refused("dicom/several.zip#series=9").contains("series"));
+    let sums =
+        ["#channel=0", "#channel=1", ""].map(|c| inspect(&format!("tiff/ome_channels.ome.tif{c}"))["sha256"].clone());
+    assert!(sums[0] == sums[2] && sums[0] != sums[1], "{sums:?}");
+    assert!(refused("tiff/ome_channels.ome.tif#channel=x").contains("channel"));
+    assert!(refused("tiff/ome_channels.ome.tif#page=1").contains("path"));
+    // A file that is called so is meant itself.
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let odd = directory.path().join("a#channel=1");
+    std::fs::copy(format!("{data}/tiff/ome_channels.ome.tif"), &odd).expect("copied");
+    let json: Value = serde_json::from_str(&done(&["inspect", text(&odd)])).expect("JSON");
+    assert_eq!(json["sha256"], sums[0]);
+}
+
+#[test]
 fn openapi_prints_the_document() {
     let printed: Value = serde_json::from_str(&done(&["openapi"])).expect("JSON");
     assert_eq!(printed, spao_server::api::document());

@@ -11,6 +11,10 @@ use super::syntax::Packing;
 use crate::volume::voxels::data_error;
 use crate::volume::{Endian, VolumeError};
 
+/// Most passes of a JPEG over its picture, each of which may take a dozen bytes and all its blocks; one is enough for
+/// grey values, and a progressive JPEG has some ten.
+const MAX_SCANS: usize = 64;
+
 /// What is done with each frame: its number and its values as stored.
 pub(super) type EachFrame<'f> = dyn FnMut(u32, &[f64]) -> Result<(), VolumeError> + 'f;
 
@@ -157,6 +161,11 @@ fn unpack_jpeg(layout: &Layout, packed: &[u8], values: &mut Vec<f64>) -> Result<
         }
         other => malformed(&format!("JPEG: {other}")),
     };
+    // In the data, 0xFF is never followed by this.
+    let scans = packed.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count();
+    if scans > MAX_SCANS {
+        return Err(malformed(&format!("JPEG: {scans} scans; expected at most {MAX_SCANS}")));
+    }
     let mut decoder = Decoder::new(packed);
     decoder.read_info().map_err(jpeg)?;
     let info = decoder.info().ok_or_else(|| malformed("JPEG: no header"))?;

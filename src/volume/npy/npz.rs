@@ -7,6 +7,7 @@ use zip::read::ZipFile;
 use zip::result::ZipError;
 
 use super::Header;
+use crate::volume::archive::is_zip;
 use crate::volume::error::excerpt;
 use crate::volume::input::{Input, ReadSeek};
 use crate::volume::{Limits, Volume, VolumeError, VoxelType};
@@ -46,6 +47,10 @@ fn with_array<T>(
     input: &mut Input,
     work: impl FnOnce(&Header, Entry) -> Result<T, VolumeError>,
 ) -> Result<T, VolumeError> {
+    // The library finds an archive anywhere in a file, even in one that only holds it.
+    if !is_zip(&input.head()?) {
+        return Err(VolumeError::malformed("archive", "not a zip archive: it does not begin like one"));
+    }
     let mut archive = ZipArchive::new(input.seekable()?).map_err(fault)?;
     if archive.len() > MAX_ARRAYS {
         let message = format!("{} arrays in the archive; expected at most {MAX_ARRAYS}", archive.len());

@@ -1,5 +1,7 @@
 //! The pages of a file.
 
+use std::io::{self, Read, Seek, SeekFrom};
+
 use half::slice::HalfFloatSliceExt;
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::{PhotometricInterpretation, SampleFormat, Tag};
@@ -11,12 +13,22 @@ use crate::volume::{Limits, VolumeError, VoxelType, Voxels};
 /// Most pages that are looked at: several channels and time points of a deep volume.
 const MAX_PAGES: usize = 1 << 16;
 
+/// Bytes of memory for any one entry of a page, which takes 32 for each offset of a strip: enough for 2^19 strips, and
+/// for the longest description.
+const MAX_ENTRY_BYTES: usize = 16 << 20;
+
+/// Bytes read of the pages' entries, as a multiple of the file: more are the same ones again and again.
+const HEADERS_PER_FILE_BYTE: u64 = 8;
+
+/// The same for a small file.
+const LEAST_HEADER_BYTES: u64 = 1 << 20;
+
 /// Bit 0 of `NewSubfileType`: a page of reduced resolution, such as a thumbnail.
 const REDUCED: u32 = 1;
 
 /// A file whose pages are alike.
 pub(super) struct Pages<'i> {
-    decoder: Decoder<Box<dyn ReadSeek + 'i>>,
+    decoder: Decoder<Metered<'i>>,
     /// Numbers in the file of the pages that are not thumbnails.
     numbers: Vec<usize>,
     /// Columns and rows of each.
@@ -41,13 +53,8 @@ struct Page {
 impl<'i> Pages<'i> {
     /// Looks at every page, but not at its voxels.
     pub(super) fn open(source: Box<dyn ReadSeek + 'i>, limits: &Limits) -> Result<Self, VolumeError> {
-        let mut allowed = tiff::decoder::Limits::default();
-        let most = usize::try_from(limits.max_bytes).unwrap_or(usize::MAX);
-        allowed.decoding_buffer_size = most;
-        allowed.intermediate_buffer_size = most;
-        // Offsets of strips and the description; OME's may be long.
-        allowed.ifd_value_size = 16 << 20;
-        let mut decoder = Decoder::new(source).map_err(fault)?.with_limits(allowed);
+        let decoder = Decoder::new(Metered::new(source).map_err(|e| fault(e.into()))?).map_err(fault)?;
+        let mut decoder = decoder.with_limits(allowed(MAX_ENTRY_BYTES));
         let description = decoder.find_tag(Tag::ImageDescription).map_err(fault)?;
         let description = description.and_then(|value| value.into_string().ok());
         let resolution = [Tag::XResolution, Tag::YResolution].map(|tag| resolution(&mut decoder, tag));
@@ -71,8 +78,11 @@ impl<'i> Pages<'i> {
             decoder.next_image().map_err(fault)?;
             number += 1;
         }
-        let Page { size, voxel_type, .. } =
-            first.ok_or_else(|| VolumeError::malformed("pages", "all are of reduced resolution"))?;
+        let Page { size, voxel_type, .. } = first.ok_or_else(|| malformed("all are of reduced resolution"))?;
+        let page_bytes = limits.check("dims", [size[0], size[1], 1], voxel_type)? * voxel_type.bytes() as usize;
+        // The entries are known; reading them once more costs no more.
+        decoder.inner().left = u64::MAX;
+        let decoder = decoder.with_limits(allowed(page_bytes.max(MAX_ENTRY_BYTES)));
         Ok(Self { decoder, numbers, size, voxel_type, description, resolution, inverted })
     }
 
@@ -104,7 +114,47 @@ impl<'i> Pages<'i> {
     }
 }
 
-fn page(decoder: &mut Decoder<Box<dyn ReadSeek + '_>>) -> Result<Page, VolumeError> {
+/// What the library may allocate at once. It allocates what an entry claims to have before that is read, so this is
+/// no more than is needed; to the first page it applies limits of its own (256 MiB).
+fn allowed(bytes: usize) -> tiff::decoder::Limits {
+    let mut allowed = tiff::decoder::Limits::default();
+    allowed.decoding_buffer_size = bytes;
+    // Packing may make it larger.
+    allowed.intermediate_buffer_size = bytes.saturating_mul(2);
+    allowed.ifd_value_size = MAX_ENTRY_BYTES;
+    allowed
+}
+
+/// A file of which no more may be read than is left: many pages may point at the same long entries.
+struct Metered<'i> {
+    inner: Box<dyn ReadSeek + 'i>,
+    left: u64,
+}
+
+impl<'i> Metered<'i> {
+    fn new(mut inner: Box<dyn ReadSeek + 'i>) -> io::Result<Self> {
+        let length = inner.seek(SeekFrom::End(0))?;
+        inner.rewind()?;
+        Ok(Self { inner, left: length.saturating_mul(HEADERS_PER_FILE_BYTE).max(LEAST_HEADER_BYTES) })
+    }
+}
+
+impl Read for Metered<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let got = self.inner.read(bytes)?;
+        let left = self.left.checked_sub(got as u64);
+        self.left = left.ok_or_else(|| io::Error::other("its pages share the same long entries"))?;
+        Ok(got)
+    }
+}
+
+impl Seek for Metered<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.inner.seek(to)
+    }
+}
+
+fn page(decoder: &mut Decoder<Metered>) -> Result<Page, VolumeError> {
     let (columns, rows) = decoder.dimensions().map_err(fault)?;
     let color = decoder.colortype().map_err(fault)?;
     let ColorType::Gray(bits) = color else {
@@ -141,7 +191,7 @@ fn check_alike(first: &Page, page: &Page, number: usize) -> Result<(), VolumeErr
     Err(malformed(&message))
 }
 
-fn resolution(decoder: &mut Decoder<Box<dyn ReadSeek + '_>>, tag: Tag) -> Option<f64> {
+fn resolution(decoder: &mut Decoder<Metered>, tag: Tag) -> Option<f64> {
     let value = decoder.find_tag(tag).ok()??;
     let number = match value {
         tiff::decoder::ifd::Value::Rational(n, d) => f64::from(n) / f64::from(d),
@@ -168,7 +218,7 @@ fn fault(error: TiffError) -> VolumeError {
 /// Some errors repeat what is in the file.
 fn short(message: &str) -> String {
     const LONGEST: usize = 200;
-    let mut short: String = message.chars().take(LONGEST).map(|c| if c.is_control() { '?' } else { c }).collect();
+    let mut short: String = message.chars().take(LONGEST).collect();
     if message.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

@@ -6,6 +6,7 @@ mod catalogue;
 mod envelope;
 mod files;
 mod frames;
+mod hostile;
 mod keys;
 mod openapi;
 mod process;

@@ -89,6 +89,22 @@ fn too_large_is_refused_before_it_is_allocated() {
 }
 
 #[test]
+fn a_jpeg_that_goes_over_its_picture_again_and_again_is_refused() {
+    let scans = |count: usize| {
+        let mut file = unzipped("jpeg.zip").swap_remove(1).1;
+        let items: Vec<_> = (0..file.len() - 4).filter(|&at| file[at..].starts_with(b"\xFE\xFF\x00\xE0")).collect();
+        let length = &mut file[items[1] + 4..items[1] + 8];
+        let old = u32::from_le_bytes(length.try_into().expect("four bytes"));
+        length.copy_from_slice(&(old + 2 * count as u32).to_le_bytes());
+        let end = items[1] + 8 + old as usize;
+        file.splice(end..end, b"\xFF\xDA".repeat(count));
+        read_dicom(&file, None)
+    };
+    assert!(scans(0).is_ok() && scans(60).is_ok(), "what follows the picture is ignored");
+    assert_names(scans(64), "PixelData", "JPEG: 65 scans; expected at most 64");
+}
+
+#[test]
 fn truncated_files_and_archives_are_refused() {
     let whole = fixture("frames.dcm");
     for length in [whole.len() - 1, whole.len() - 100] {

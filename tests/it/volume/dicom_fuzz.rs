@@ -37,7 +37,7 @@ fn damage() -> impl Strategy<Value = (usize, Vec<(f64, u8)>, Option<f64>)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1500) })]
+    #![proptest_config(super::seeded(1500))]
 
     #[test]
     fn any_dicom_with_changed_bytes_is_read_or_refused((which, changes, end) in damage()) {

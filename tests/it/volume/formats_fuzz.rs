@@ -95,11 +95,18 @@ fn files_with_faults_are_read_or_refused() {
     let limits = Limits { max_axis: 64, max_voxels: 4096, max_bytes: 32768 };
     let mut random = Random(1);
     let (mut read, mut refused) = (0, 0);
+    let folder = tempfile::tempdir().expect("a directory");
     for expected in expected() {
         let file = bytes_of(&expected.file);
         let format = Format::detect(None, None, &file).expect("a file of the fixtures");
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let bad = mutated(&file, &mut random);
+            if round % 10 == 0 {
+                std::fs::write(folder.path().join(&expected.file), &bad).expect("written");
+                if let Err(error) = format::peek_path(&expected.file, folder.path(), None) {
+                    assert!(!error.field().is_empty() && error.to_string().len() < 600, "{error}");
+                }
+            }
             match is_read(format, &bad, &limits) {
                 true => read += 1,
                 false => refused += 1,

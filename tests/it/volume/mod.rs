@@ -10,7 +10,9 @@ mod fixture;
 mod format;
 mod formats_fuzz;
 mod histogram;
+mod hostile;
 pub(crate) mod independent;
+pub(crate) mod makers;
 mod metaimage;
 mod nifti;
 mod npy;
@@ -24,6 +26,7 @@ mod voxels;
 mod vti;
 mod wrapping;
 
+use proptest::test_runner::{Config as ProptestConfig, RngSeed};
 use spao_server::volume::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, nrrd as nrrd_format};
 
 /// A CT head of 128 x 128 x 105 `i16` voxels.
@@ -32,6 +35,11 @@ pub(crate) const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/dat
 /// A unit grid with the voxels.
 fn volume(dims: [u32; 3], voxels: Voxels) -> Volume {
     Volume::new(Grid::axis_aligned(dims, glam::DVec3::ONE), voxels).expect("a valid volume")
+}
+
+/// So many cases, the same in every run.
+fn seeded(cases: u32) -> ProptestConfig {
+    ProptestConfig { failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::with_cases(cases) }
 }
 
 /// Reads an uploaded NRRD with the default limits.

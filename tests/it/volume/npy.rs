@@ -112,6 +112,8 @@ fn archives_that_lie_are_refused() {
     assert_eq!(Format::detect(None, None, &good).expect("by its first name"), Format::Npz);
     assert!(read_archive(&good).is_ok());
     assert_names(read_archive(b"PK\x03\x04"), "archive", "not a zip archive");
+    // An archive within something else, such as a second wrapping that stores it as it is.
+    assert_names(read_archive(&[b"something", &good[..]].concat()), "archive", "does not begin like one");
     // The end record says that there are 65534 files.
     let mut lying = good.clone();
     let end = lying.len() - 22;

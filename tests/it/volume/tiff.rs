@@ -136,7 +136,7 @@ fn truncated_and_too_large_files_are_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1500) })]
+    #![proptest_config(super::seeded(1500))]
 
     #[test]
     fn any_tiff_with_changed_bytes_is_read_or_refused(

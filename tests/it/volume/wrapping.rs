@@ -26,7 +26,7 @@ fn upload(bytes: &[u8], limits: &Limits) -> Result<Volume, VolumeError> {
 }
 
 /// `head`, then zeros that unfold to `length` bytes from a thousandth of that.
-fn bomb(head: &[u8], length: usize) -> Vec<u8> {
+fn gzip_bomb(head: &[u8], length: usize) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     encoder.write_all(head).expect("to memory");
     let zeros = vec![0; 1 << 20];
@@ -34,6 +34,20 @@ fn bomb(head: &[u8], length: usize) -> Vec<u8> {
         encoder.write_all(&zeros).expect("to memory");
     }
     encoder.finish().expect("to memory")
+}
+
+/// The same, from a thirty-thousandth: a frame whose blocks are a byte and how often it comes (RFC 8878, 3.1.1.2).
+fn zstd_bomb(head: &[u8], length: usize) -> Vec<u8> {
+    const LONGEST: usize = 1 << 17;
+    let block = |kind: usize, size: usize, last: usize| (last | kind << 1 | size << 3).to_le_bytes()[..3].to_vec();
+    // A window of 1 MiB; neither a size nor a checksum.
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x50];
+    for piece in head.chunks(LONGEST) {
+        frame.extend([&block(0, piece.len(), 0)[..], piece].concat());
+    }
+    frame.extend([&block(1, LONGEST, 0)[..], &[0]].concat().repeat(length / LONGEST));
+    frame.extend(block(0, 0, 1));
+    frame
 }
 
 #[test]
@@ -126,22 +140,24 @@ fn files_that_unfold_without_end_cost_what_their_headers_say() {
     let limits = Limits::default();
     // A gigabyte each would take seconds if it were unfolded.
     let length = 1 << 30;
-    let nifti = bytes_of("nifti1_i16_little.nii");
-    assert_eq!(upload(&bomb(&nifti, length), &limits).expect("what follows is ignored").voxels.len(), 60);
-    let meta = bytes_of("meta_i16.mha");
-    assert_eq!(upload(&bomb(&meta, length), &limits).expect("what follows is ignored").voxels.len(), 60);
-    let npy = bytes_of("npy_i16_little.npy");
-    assert_eq!(upload(&bomb(&npy, length), &limits).expect("what follows is ignored").voxels.len(), 60);
+    for bomb in [gzip_bomb, zstd_bomb] {
+        let nifti = bytes_of("nifti1_i16_little.nii");
+        assert_eq!(upload(&bomb(&nifti, length), &limits).expect("what follows is ignored").voxels.len(), 60);
+        let meta = bytes_of("meta_i16.mha");
+        assert_eq!(upload(&bomb(&meta, length), &limits).expect("what follows is ignored").voxels.len(), 60);
+        let npy = bytes_of("npy_i16_little.npy");
+        assert_eq!(upload(&bomb(&npy, length), &limits).expect("what follows is ignored").voxels.len(), 60);
 
-    // Headers without end.
-    assert_names(upload(&bomb(b"NRRD0005\n", length), &limits), "header", "longer than");
-    assert_names(upload(&bomb(b"ObjectType = Image\nComment = ", length), &limits), "header", "longer than");
-    let tag = b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\"><A ";
-    assert_names(upload(&bomb(tag, length), &limits), "XML", "more than 16777216 bytes besides the data");
-    // An archive is unwrapped whole, and only so far.
-    let small = Limits { max_bytes: 1 << 20, ..limits };
-    let archive = bytes_of("npz_stored.npz");
-    assert_names(upload(&bomb(&archive, 4 << 20), &small), "file", "1048577 bytes needed, the limit is 1048576");
+        // Headers without end.
+        assert_names(upload(&bomb(b"NRRD0005\n", length), &limits), "header", "longer than");
+        assert_names(upload(&bomb(b"ObjectType = Image\nComment = ", length), &limits), "header", "longer than");
+        let tag = b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\"><A ";
+        assert_names(upload(&bomb(tag, length), &limits), "XML", "more than 16777216 bytes besides the data");
+        // An archive is unwrapped whole, and only so far.
+        let small = Limits { max_bytes: 1 << 20, ..limits };
+        let archive = bytes_of("npz_stored.npz");
+        assert_names(upload(&bomb(&archive, 4 << 20), &small), "file", "1048577 bytes needed, the limit is 1048576");
+    }
 }
 
 #[test]
@@ -149,5 +165,5 @@ fn what_comes_before_the_voxels_is_limited() {
     let limits = Limits { max_bytes: 1 << 20, ..Limits::default() };
     let mut far = bytes_of("nifti1_i16_little.nii");
     far[108..112].copy_from_slice(&(2e6_f32).to_le_bytes());
-    assert_names(upload(&bomb(&far, 3 << 20), &limits), "vox_offset", "more than a volume may have");
+    assert_names(upload(&gzip_bomb(&far, 3 << 20), &limits), "vox_offset", "more than a volume may have");
 }

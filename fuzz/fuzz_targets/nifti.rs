@@ -1,0 +1,6 @@
+//! NIfTI-1 and NIfTI-2 files.
+#![no_main]
+
+use spao_server_fuzz::{Format, check};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(Format::Nifti, bytes));

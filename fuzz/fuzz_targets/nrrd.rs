@@ -1,0 +1,6 @@
+//! NRRD files with their data attached.
+#![no_main]
+
+use spao_server_fuzz::{Format, check};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(Format::Nrrd, bytes));
