@@ -144,7 +144,7 @@ fn finished_accessibility_makes_room_for_what_is_wanted_now() {
     tight.render(&request(&scene(1), 16, 16)).expect("it fits");
     let before = tight.memory();
     assert!(before.ao_cache_bytes > 0);
-    let huge = Arc::new(volume_of([128, 128, 64], |_| 300));
+    let huge = Arc::new(volume_of([256, 128, 64], |_| 300));
     does_not_fit(tight.add_volume(VolumeId("v_huge".into()), huge));
     does_not_fit(tight.render(&request(&plain, 4096, 4096)));
     assert_eq!(tight.memory(), before);
