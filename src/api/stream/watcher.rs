@@ -221,8 +221,7 @@ impl Watcher {
         if self.retry_at.is_some() {
             return self.retry_at;
         }
-        let settle = (self.final_due && !self.stale && self.may_draw()).then(|| self.last_input + SETTLED);
-        settle
+        (self.final_due && !self.stale && self.may_draw()).then(|| self.last_input + SETTLED)
     }
 
     /// Waits for work in progress, or until some is due. May be dropped and called again.

@@ -110,8 +110,8 @@ fn every_window_is_made_of_its_halves_in_the_level_before() {
             assert_eq!((layout.source, layout.shift, layout.width), (None, 0, 1));
             continue;
         };
-        for axis in 0..3 {
-            assert!(halves_are_right(dims[axis], axis, &before, &layout), "{before:?} {layout:?}");
+        for (axis, n) in dims.into_iter().enumerate() {
+            assert!(halves_are_right(n, axis, &before, &layout), "{before:?} {layout:?}");
         }
         let mut wrong = layout;
         wrong.source = layout.source.map(|s| spao_server::ao::LevelSource { offset: s.offset - 1, ..s });
@@ -173,9 +173,9 @@ fn rows_and_slices_hold_what_a_look_up_at_the_last_cell_touches_and_can_be_copie
 fn tiles_cover_every_cell_once_and_every_brick_lies_in_one_tile_of_level_0() {
     for (_, before, layout) in all_layouts() {
         let tiles = layout.tiles();
-        for axis in 0..3 {
-            assert!(tiles[axis] * layout.tile[axis] >= layout.extent[axis]);
-            assert!((tiles[axis] - 1) * layout.tile[axis] < layout.extent[axis]);
+        for (axis, count) in tiles.into_iter().enumerate() {
+            assert!(count * layout.tile[axis] >= layout.extent[axis]);
+            assert!((count - 1) * layout.tile[axis] < layout.extent[axis]);
             assert!(layout.tile[axis].is_power_of_two());
         }
         assert_eq!(layout.tile_cells(), layout.tile.map(u64::from).iter().product::<u64>());

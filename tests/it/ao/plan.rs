@@ -234,7 +234,8 @@ fn the_check_of_plans_notices_a_missing_a_doubled_a_late_and_a_wrong_step() {
     assert!(faulty(&|steps| steps.rotate_left(1)) > 0);
     let of_level_2 = |step: &Step| matches!(step, Step::Level { level: 2, .. });
     let at = good.steps.iter().position(of_level_2).expect("there is a level 2");
-    let with = |change: &dyn Fn(&mut u32, &mut Range<u32>, &mut Range<u32>)| {
+    type Change<'a> = &'a dyn Fn(&mut u32, &mut Range<u32>, &mut Range<u32>);
+    let with = |change: Change<'_>| {
         faulty(&|steps| {
             let Step::Level { level, layers, candidates } = &mut steps[at] else { panic!("{:?}", steps[at]) };
             change(level, layers, candidates);
@@ -307,10 +308,10 @@ fn windows_of_levels_are_as_deep_as_any_combination_needs() {
                 for step in &plan.steps {
                     let Step::Combine { layers, .. } = step else { continue };
                     assert_eq!(layers.start / most, (layers.end - 1) / most, "{layers:?} is in two slabs of {most}");
-                    for level in 0..layouts.len() {
+                    for (level, layout) in layouts.iter().enumerate() {
                         let window = cuts.window(level, layers);
                         assert!(window.len() as u32 <= cuts.window_slices(level, most), "{dims:?} {layers:?}");
-                        assert!(window.end <= layouts[level].extent[2], "{dims:?} {layers:?}");
+                        assert!(window.end <= layout.extent[2], "{dims:?} {layers:?}");
                     }
                 }
             }
