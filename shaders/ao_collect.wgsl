@@ -1,6 +1,7 @@
 // The list of tiles of a level that an update has to compute: of the candidates, those that must be, and those whose
 // inputs have changed (METHODS 7). Each is counted in the arguments of the dispatch that computes them.
 #import common/tiles
+#import common/marks
 
 struct CollectParams {
     tiles: vec3<u32>,          // of the level
@@ -19,7 +20,6 @@ struct CollectParams {
 
 @group(0) @binding(0) var<uniform> params: CollectParams;
 @group(0) @binding(1) var<storage, read> candidates: array<u32>;
-@group(0) @binding(2) var<storage, read> changed: array<u32>;
 @group(0) @binding(3) var<storage, read_write> list: array<u32>;
 @group(0) @binding(4) var<storage, read_write> dispatches: array<atomic<u32>>;
 
@@ -29,15 +29,7 @@ fn any_changed(tile: vec3<u32>) -> bool {
     let end = cell + (vec3<i32>(params.tile) - vec3<i32>(1)) * params.scale + vec3<i32>(params.distance);
     let low = vec3<u32>(clamp(cell, vec3<i32>(0), last)) / params.source_tile;
     let high = vec3<u32>(clamp(end, vec3<i32>(0), last)) / params.source_tile;
-    var found = 0u;
-    for (var z = low.z; z <= high.z; z++) {
-        for (var y = low.y; y <= high.y; y++) {
-            for (var x = low.x; x <= high.x; x++) {
-                found |= changed[params.first_flag + (z * params.source_tiles.y + y) * params.source_tiles.x + x];
-            }
-        }
-    }
-    return found != 0u;
+    return any_marked(low, high, params.source_tiles, params.first_flag);
 }
 
 @compute @workgroup_size(64, 1, 1)

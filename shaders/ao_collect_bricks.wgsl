@@ -2,6 +2,7 @@
 // for which a look-up in some level meets a tile that has changed (METHODS 7).
 #import common/levels
 #import common/tiles
+#import common/marks
 
 struct LevelTiles {
     tiles: vec3<u32>,
@@ -22,7 +23,6 @@ struct CollectBricksParams {
 
 @group(0) @binding(0) var<uniform> params: CollectBricksParams;
 @group(0) @binding(1) var<storage, read> candidates: array<u32>;
-@group(0) @binding(2) var<storage, read> changed: array<u32>;
 @group(0) @binding(3) var<storage, read_write> list: array<u32>;
 @group(0) @binding(4) var<storage, read_write> dispatches: array<atomic<u32>>;
 // Longest component of the gradient in a brick.
@@ -38,15 +38,7 @@ fn level_changed(level: u32, brick: vec3<u32>, reach: f32) -> bool {
     let high_cell = (position + vec3<f32>(7.0 + reach)) * info.inverse_scale + vec3<f32>(info.lookup_offset + 1.01);
     let low = vec3<u32>(clamp(low_cell, vec3<f32>(0.0), last)) / grid.tile;
     let high = vec3<u32>(clamp(high_cell, vec3<f32>(0.0), last)) / grid.tile;
-    var found = 0u;
-    for (var z = low.z; z <= high.z; z++) {
-        for (var y = low.y; y <= high.y; y++) {
-            for (var x = low.x; x <= high.x; x++) {
-                found |= changed[grid.first_flag + (z * grid.tiles.y + y) * grid.tiles.x + x];
-            }
-        }
-    }
-    return found != 0u;
+    return any_marked(low, high, grid.tiles, grid.first_flag);
 }
 
 @compute @workgroup_size(64, 1, 1)

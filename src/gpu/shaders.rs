@@ -21,6 +21,7 @@ macro_rules! sources {
 const SOURCES: &[(&str, &str)] = sources![
     "common/accessibility",
     "common/levels",
+    "common/marks",
     "common/shading",
     "common/spao_sampled",
     "common/spao_words",

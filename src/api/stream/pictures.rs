@@ -84,7 +84,7 @@ pub(super) fn draw(state: &AppState, group: &str, order: Order) -> Task<Result<P
 #[derive(Debug)]
 pub(super) struct Preparation {
     pub(super) scene: Arc<Scene>,
-    pub(super) task: Task<Result<(), ApiError>>,
+    pub(super) task: Task<Result<AoReport, ApiError>>,
     pub(super) progress: watch::Receiver<f64>,
     pub(super) begun: tokio::time::Instant,
 }
@@ -93,10 +93,7 @@ impl Preparation {
     pub(super) fn start(state: &AppState, group: &str, scene: Arc<Scene>) -> Self {
         let (sender, progress) = watch::channel(0.0);
         let (state, group, wanted) = (state.clone(), group.to_owned(), scene.clone());
-        let task = Task::spawn(async move {
-            state.renderer.prepare_in(&group, wanted, sender).await?;
-            Ok(())
-        });
+        let task = Task::spawn(async move { Ok(state.renderer.prepare_in(&group, wanted, sender).await?) });
         Self { scene, task, progress, begun: tokio::time::Instant::now() }
     }
 }

@@ -16,7 +16,7 @@ use super::view::{patched, seen_through, side};
 use crate::api::AppState;
 use crate::encode::ImageFormat;
 use crate::error::{ApiError, ErrorCode};
-use crate::renderer::AoState;
+use crate::renderer::{AoReport, AoState, AoUpdate};
 use crate::scene::merge_patch_between;
 use crate::session::{SceneChange, SceneEntry, SceneSnapshot, View};
 
@@ -63,13 +63,17 @@ pub(super) struct Watcher {
     /// A picture, and whether it is a moving one.
     drawing: Option<(bool, Task<Result<Picture, ApiError>>)>,
     preparation: Option<Preparation>,
+    /// What was computed for pictures to come, until one tells it.
+    prepared: Option<AoReport>,
+    /// The last accessibility whose work a picture has told.
+    told_version: u64,
     quality: Quality,
 }
 
 /// What comes of the work that a watcher has begun.
 pub(super) enum Work {
     Picture(Result<Picture, ApiError>),
-    Prepared(Result<(), ApiError>),
+    Prepared(Result<AoReport, ApiError>),
     Progress,
     /// It is time for something.
     Due,
@@ -127,6 +131,8 @@ impl Watcher {
             progress_at: now,
             drawing: None,
             preparation: None,
+            prepared: None,
+            told_version: 0,
             quality,
         })
     }
@@ -249,7 +255,11 @@ impl Watcher {
                 let done = self.preparation.take();
                 self.refining |= done.is_some_and(|p| !p.scene.same_occlusion(&self.told.scene));
                 match result {
-                    Ok(()) => out.say(&messages::progress(1.0)),
+                    Ok(report) => {
+                        let is_news = report.update != AoUpdate::Cached && report.version > self.told_version;
+                        self.prepared = Some(report).filter(|_| is_news);
+                        out.say(&messages::progress(1.0));
+                    }
                     Err(error) if error.code == ErrorCode::Busy => {
                         self.refining = true;
                         self.retry_at = Some(Instant::now() + RETRY);
@@ -362,7 +372,15 @@ impl Watcher {
 
     fn show(&mut self, picture: Picture, out: &Outbox) {
         self.drawing = None;
-        let Picture { order, bytes, ao, timings, encode } = picture;
+        let Picture { order, bytes, mut ao, timings, encode } = picture;
+        // The picture has found in the cache what was computed for it beforehand.
+        let prepared = self.prepared.take_if(|report| report.version == ao.version);
+        if let (Some(report), AoUpdate::Cached) = (prepared, ao.update) {
+            ao = AoReport { state: ao.state, ..report };
+        }
+        if ao.update != AoUpdate::Cached {
+            self.told_version = self.told_version.max(ao.version);
+        }
         if order.moving {
             // With its wait for others: where many share the device, each gets smaller pictures instead of fewer.
             self.quality.observe(timings.queue + timings.raycast + timings.readback + encode);

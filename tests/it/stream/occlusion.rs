@@ -70,6 +70,12 @@ async fn a_change_of_opacity_is_seen_at_once_and_refined() {
     assert_eq!(first["ao"]["version"], version, "the earlier accessibility serves until then");
     assert_eq!((&last["exact"], &last["ao"]["state"]), (&json!(true), &json!("exact")), "{last}");
     assert!(last["ao"]["version"].as_u64() > Some(version), "{last}");
+    let told: Vec<_> = frames.iter().map(|f| &f.header["ao"]).filter(|ao| ao["update"] != "cached").collect();
+    let [told] = told[..] else { panic!("the work is told once: {told:?}") };
+    assert_eq!((&told["update"], &told["version"]), (&json!("incremental"), &last["ao"]["version"]), "{told}");
+    let count = |name: &str| told[name].as_u64().filter(|&n| n > 0 && n <= told["bricks"].as_u64().unwrap_or(0));
+    assert!(count("bricks_classified").is_some() && count("bricks_recomputed").is_some(), "{told}");
+    assert!(told["ms"].as_f64() > Some(0.0), "{told}");
     let fractions: Vec<f64> = texts.iter().filter_map(|text| text["fraction"].as_f64()).collect();
     assert!(!fractions.is_empty() && fractions.len() == texts.len(), "{texts:?}");
     assert!(fractions.is_sorted() && fractions.iter().all(|f| (0.0..=1.0).contains(f)), "{fractions:?}");
