@@ -158,12 +158,6 @@ impl Pyramid {
         self.broken = true;
     }
 
-    /// Bricks that would have to be classified for another table: what makes one pyramid a better start than another.
-    pub fn distance_to(&self, source: &AoSource) -> u64 {
-        let changed = self.changed_codes(source);
-        (0..source.contents.codes.len()).filter(|&brick| source.contents.any_of(brick, &changed)).count() as u64
-    }
-
     fn changed_codes(&self, source: &AoSource) -> crate::volume::CodeSet {
         let table = &source.opacity_table;
         source.contents.code_set(table.len(), |code| table[code] != self.table[code])

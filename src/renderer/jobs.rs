@@ -47,7 +47,8 @@ impl AoProgress {
                 if scene.ambient_occlusion.method == AoMethod::Off {
                     return Ok(Turn::Done((None, report(resident, AoState::Off, AoUpdate::Off))));
                 }
-                match self.begin(renderer, resident, scene)? {
+                let Some(begun) = self.begin(renderer, resident, scene)? else { return Ok(Turn::Pending(0.0)) };
+                match begun {
                     Begun::Finished(result) => {
                         let report =
                             AoReport { version: result.version, ..report(resident, AoState::Exact, AoUpdate::Cached) };
@@ -79,15 +80,20 @@ impl AoProgress {
         Ok(Turn::Done((Some(at_hand_of(&result)), report)))
     }
 
-    /// Looks for a result, else joins or begins a build.
-    fn begin(&self, renderer: &mut Renderer, resident: &ResidentVolume, scene: &Scene) -> Result<Begun, RenderError> {
+    /// Looks for a result, else joins or begins a build; `None` while an update of another kind has to be waited for.
+    fn begin(
+        &self,
+        renderer: &mut Renderer,
+        resident: &ResidentVolume,
+        scene: &Scene,
+    ) -> Result<Option<Begun>, RenderError> {
         let wish = Wish::new(resident, scene, self.coverage);
         if let Some(result) = renderer.occlusion.finished(&wish.key) {
-            return Ok(Begun::Finished(result));
+            return Ok(Some(Begun::Finished(result)));
         }
         let key = wish.key.clone();
         if let Some(build) = renderer.occlusion.under_way(&key) {
-            return Ok(Begun::Build(key, build));
+            return Ok(Some(Begun::Build(key, build)));
         }
         let pyramid = loop {
             let pyramid = renderer.occlusion.pyramid(&renderer.gpu, &wish);
@@ -96,12 +102,13 @@ impl AoProgress {
                 result => break result?,
             }
         };
+        let Some(pyramid) = pyramid else { return Ok(None) };
         // Held from here on: room for the rest of the build is not made of the pyramid that it starts from.
         loop {
             let build = renderer.occlusion.build(&renderer.gpu, &renderer.stages.ao, wish.clone(), pyramid.clone());
             match renderer.with_resident(build) {
                 Err(error) if renderer.make_room(&error) => {}
-                result => return Ok(Begun::Build(key, result?)),
+                result => return Ok(Some(Begun::Build(key, result?))),
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::gpu::{Gpu, GpuError, GpuTexture};
 use crate::scene::{AmbientOcclusion, AoMethod, Scene, TransferTable, opacity_table};
 use crate::volume::{BRICK, VolumeId};
 
-/// Pyramids that are kept: scenes of one volume that are edited in turn each find their own.
+/// Pyramids that are kept, of different volumes or structures.
 const MOST_PYRAMIDS: usize = 4;
 
 /// Where accessibility is computed.
@@ -134,14 +134,19 @@ impl Occlusion {
         build.filter(|build| !build.borrow().has_failed())
     }
 
-    /// The idle pyramid that is nearest to what is wished, or a new one. It is not idle while it is held.
-    pub(super) fn pyramid(&mut self, gpu: &Gpu, wish: &Wish) -> Result<Rc<RefCell<Pyramid>>, GpuError> {
+    /// The pyramid of the wish's volume and structure; `None` while another update of it is under way: to wait for that
+    /// and to go on from there is less work than a build from nothing beside it. Rays need the first level alone, and
+    /// may take minutes: nobody waits for them. A pyramid is not idle while it is held.
+    pub(super) fn pyramid(&mut self, gpu: &Gpu, wish: &Wish) -> Result<Option<Rc<RefCell<Pyramid>>>, GpuError> {
         self.pyramids.retain(|kept| !kept.pyramid.borrow().is_broken());
         let (volume, structure) = (wish.key.volume().clone(), wish.structure());
-        let fitting = |kept: &KeptPyramid| kept.is_idle() && kept.volume == volume && kept.structure == structure;
-        let idle = self.pyramids.iter().enumerate().filter(|(_, kept)| fitting(kept));
-        let nearest = idle.min_by_key(|(_, kept)| kept.pyramid.borrow().distance_to(&wish.source)).map(|(at, _)| at);
-        let kept = match nearest {
+        let fitting = |kept: &KeptPyramid| kept.volume == volume && kept.structure == structure;
+        let traced = wish.settings.method == AoMethod::Raytraced;
+        let found = self.pyramids.iter().position(|kept| fitting(kept) && (kept.is_idle() || !traced));
+        if found.is_some_and(|at| !self.pyramids[at].is_idle()) {
+            return Ok(None);
+        }
+        let kept = match found {
             Some(at) => self.pyramids.remove(at),
             None => KeptPyramid { volume, structure, pyramid: wish.new_pyramid(gpu)? },
         };
@@ -150,7 +155,7 @@ impl Occlusion {
         if self.pyramids.len() > MOST_PYRAMIDS {
             self.evict_pyramid();
         }
-        Ok(pyramid)
+        Ok(Some(pyramid))
     }
 
     /// Begins a build from a pyramid.

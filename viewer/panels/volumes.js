@@ -80,7 +80,9 @@ function proceduralMenu({ makeProcedural }) {
 
 function entry(volume, current, { choose, remove }) {
   const isCurrent = volume.id === current?.id;
-  const facts = `${volume.dims.join(' × ')} · ${volume.voxel_type} · ${formatBytes(volume.gpu_bytes)}`;
+  // Taken off the GPU to make room: the next picture brings it back.
+  const size = volume.state === 'evicted' ? 'in host memory' : formatBytes(volume.gpu_bytes);
+  const facts = `${volume.dims.join(' × ')} · ${volume.voxel_type} · ${size}`;
   const [low, high] = volume.value_range;
   const pick = h('button', {
     type: 'button', class: 'volume', 'aria-current': isCurrent ? 'true' : null,

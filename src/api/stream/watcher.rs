@@ -24,7 +24,7 @@ use crate::session::{SceneChange, SceneEntry, SceneSnapshot, View};
 const SETTLED: Duration = Duration::from_millis(200);
 /// An update of ambient occlusion that an edit has overtaken may go on for so long, counted from its beginning: it is
 /// nearer to what is wanted than what is there, and if each edit ended it none would ever be done while a slider moves.
-const OVERTAKEN: Duration = Duration::from_millis(500);
+const OVERTAKEN: Duration = Duration::from_secs(2);
 /// Changes of one client that follow each other within this time are one step of undo.
 const SAME_GESTURE: Duration = Duration::from_millis(700);
 /// Time between two tries when the renderer is busy.
@@ -187,6 +187,9 @@ impl Watcher {
         if self.stale {
             self.order(true);
         } else if self.final_due && self.last_input + SETTLED <= now {
+            // What it needs goes on from where an overtaken update is, and would wait for that.
+            let wanted = &self.told.scene;
+            self.preparation.take_if(|p| !p.scene.same_occlusion(wanted));
             self.order(false);
         }
     }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use spao_server::gpu::GpuOptions;
 use spao_server::render_thread::RenderHandle;
-use spao_server::renderer::{AoPolicy, Coverage, FrameRequest, Renderer};
+use spao_server::renderer::{AoPolicy, AoState, AoUpdate, Coverage, FrameRequest, Renderer};
 use spao_server::scene::{AmbientOcclusion, Radius, Scene};
 use spao_server::volume::ProceduralKind;
 
@@ -99,6 +99,41 @@ async fn jobs_that_want_the_same_result_share_one_build_and_the_last_to_leave_en
     second.abort();
     until("the end of the abandoned build", || results() == one_result).await;
     tokio::task::block_in_place(|| drop(long));
+}
+
+/// A slider moves: the last edit comes while an earlier one is still being computed.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_update_goes_on_from_where_the_one_under_way_ends_and_builds_nothing_anew_beside_it() {
+    let renderer = spawn();
+    let subject = tokio::task::block_in_place(|| Subject::on(renderer.clone(), boxes()));
+    let scene = |opacity: f64| {
+        let functions = opacities(&[(20.0, 0.0), (200.0, opacity)]);
+        FrameRequest {
+            scene: Arc::new(subject.scene(&functions, n_buffer(6, 1.0))),
+            width: 24,
+            height: 16,
+            ao_policy: AoPolicy::Exact,
+        }
+    };
+    let first = renderer.render(scene(0.7)).await.expect("the picture is drawn");
+    assert_eq!(first.ao.update, AoUpdate::Full);
+    let levels = renderer.memory().ao_scratch_bytes;
+    // All of them are asked for before any of them is begun.
+    let (a, b, c) = tokio::join!(renderer.render(scene(0.6)), renderer.render(scene(0.5)), renderer.render(scene(0.4)));
+    for frame in [a, b, c] {
+        let ao = frame.expect("the picture is drawn").ao;
+        assert_eq!((ao.update, ao.state), (AoUpdate::Incremental, AoState::Exact), "{ao:?}");
+    }
+    assert_eq!(renderer.memory().ao_scratch_bytes, levels, "there is one set of levels");
+    let fresh = spawn();
+    let other = tokio::task::block_in_place(|| Subject::on(fresh.clone(), boxes()));
+    let request = FrameRequest {
+        scene: Arc::new(other.scene(&opacities(&[(20.0, 0.0), (200.0, 0.4)]), n_buffer(6, 1.0))),
+        ..scene(0.4)
+    };
+    let expected = fresh.render(request).await.expect("the picture is drawn").rgba;
+    assert!(renderer.render(scene(0.4)).await.expect("it is cached").rgba == expected, "as from nothing");
+    tokio::task::block_in_place(|| drop((subject, other)));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
