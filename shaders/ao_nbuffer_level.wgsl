@@ -14,6 +14,7 @@ struct NBufferParams {
     rows_log2: u32,      // rows and slices of a tile, which is 32 cells wide
     shift_log2: u32,     // cells of the target between the windows that are averaged: half its width
     near: i32,           // where SUBSAMPLED, cell c of the target is at cell 2c + near of the source, else at c
+    first_slices: vec3<u32>,    // of the source, at the start of the three bindings
 }
 
 // The first level shifts by one cell, which is half a word.
@@ -22,7 +23,11 @@ override SHIFT_BY_HALF_WORD: bool = false;
 override SUBSAMPLED: bool = false;
 
 @group(0) @binding(0) var<uniform> params: NBufferParams;
-@group(0) @binding(1) var<storage, read> source: array<u32>;
+// The slices of the source that are before, in and behind the middle of windows: three bindings, as one for all of
+// them may be more than an adapter allows.
+#repeat P 0..=2
+@group(0) @binding(1@P@) var<storage, read> source_@P@: array<u32>;
+#end
 @group(0) @binding(2) var<storage, read_write> target_level: array<u32>;
 @group(0) @binding(3) var<storage, read> list: array<u32>;
 @group(0) @binding(4) var<storage, read_write> changed: array<u32>;
@@ -50,36 +55,38 @@ fn source_rows(rows: vec3<i32>, extent: u32) -> vec3<u32> {
     return vec3<u32>(clamp(at, vec3<i32>(0), vec3<i32>(i32(extent) - 1)));
 }
 
-// Both cells of the source that lie where the target's word does, apart, so that sums have room.
-fn source_cells(at: u32) -> vec2<u32> {
-    let found = source[at];
-    if SUBSAMPLED {
-        let half = (u32(params.near) & 1u) * 16u;
-        return vec2<u32>((found >> half) & 0xffffu, (source[at + 1u] >> half) & 0xffffu);
-    }
-    return vec2<u32>(low_half(found), high_half(found));
-}
-
-// Sums along x for two target words: xy and zw.
-fn row_sums(words: vec3<u32>, start: u32) -> vec4<u32> {
-    let before = source_cells(start + words.x);
-    let first = source_cells(start + words.y);
-    let second = source_cells(start + words.z);
-    return vec4<u32>(pair(before, first), pair(first, second));
-}
-
 // Sums along x and y for two words of two rows.
 struct Plane {
     first_row: vec4<u32>,
     second_row: vec4<u32>,
 }
 
-fn plane(words: vec3<u32>, rows: vec3<u32>, start: u32) -> Plane {
-    let before = row_sums(words, start + rows.x);
-    let first = row_sums(words, start + rows.y);
-    let second = row_sums(words, start + rows.z);
+#repeat P 0..=2
+// Both cells of the source that lie where the target's word does, apart, so that sums have room.
+fn source_cells_@P@(at: u32) -> vec2<u32> {
+    let found = source_@P@[at];
+    if SUBSAMPLED {
+        let half = (u32(params.near) & 1u) * 16u;
+        return vec2<u32>((found >> half) & 0xffffu, (source_@P@[at + 1u] >> half) & 0xffffu);
+    }
+    return vec2<u32>(low_half(found), high_half(found));
+}
+
+// Sums along x for two target words: xy and zw.
+fn row_sums_@P@(words: vec3<u32>, start: u32) -> vec4<u32> {
+    let before = source_cells_@P@(start + words.x);
+    let first = source_cells_@P@(start + words.y);
+    let second = source_cells_@P@(start + words.z);
+    return vec4<u32>(pair(before, first), pair(first, second));
+}
+
+fn plane_@P@(words: vec3<u32>, rows: vec3<u32>, start: u32) -> Plane {
+    let before = row_sums_@P@(words, start + rows.x);
+    let first = row_sums_@P@(words, start + rows.y);
+    let second = row_sums_@P@(words, start + rows.z);
     return Plane(before + first, first + second);
 }
+#end
 
 // Stores a word if it is in the level and not there already; true if it was stored.
 fn put(word: u32, row: u32, slice: u32, value: u32) -> bool {
@@ -127,11 +134,11 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
     let words = source_words(vec3<i32>(i32(at.x)) + i32(stride) * shifts);
     let rows = source_rows(vec3<i32>(i32(at.y)) + i32(shift) * shifts, params.source.extent.y) * params.source.row_words;
     let slices = (source_rows(vec3<i32>(i32(at.z)) + i32(shift) * shifts, params.source.extent.z)
-        - vec3<u32>(params.source.first_slice)) * params.source.slice_words;
+        - params.first_slices) * params.source.slice_words;
     let keep = select(0xffffffffu, 0u, (entry & CLEAR) != 0u);
-    let before = plane(words, rows, slices.x);
-    let middle = plane(words, rows, slices.y);
-    let after = plane(words, rows, slices.z);
+    let before = plane_0(words, rows, slices.x);
+    let middle = plane_1(words, rows, slices.y);
+    let after = plane_2(words, rows, slices.z);
     var differs = put_plane(at, vec2<u32>(stride, shift), before, middle, keep);
     differs = put_plane(at + vec3<u32>(0u, 0u, shift), vec2<u32>(stride, shift), middle, after, keep) || differs;
     if differs {

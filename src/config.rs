@@ -52,7 +52,8 @@ pub struct GpuArgs {
     /// Use the first adapter whose name contains this text.
     #[arg(long, env = "SPAO_ADAPTER", value_name = "TEXT")]
     pub adapter: Option<String>,
-    /// GPU memory that may be used at most, in bytes or with K, M, G (powers of 1024).
+    /// GPU memory that may be used at most, in bytes or with K, M, G (powers of 1024); by default 4G, on software
+    /// adapters half of main memory.
     #[arg(long, env = "SPAO_GPU_MEMORY", value_name = "BYTES", value_parser = parse_bytes)]
     pub gpu_memory: Option<u64>,
 }

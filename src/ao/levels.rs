@@ -92,6 +92,11 @@ impl LevelLayout {
         Self { shift, width, origin, extent, row_words, slice_words, tile, source }
     }
 
+    /// Made from blocks of the level before that do not overlap.
+    pub(super) fn is_mip_level(&self) -> bool {
+        self.source.is_some_and(|source| source.distance == 1 && source.scale == 2)
+    }
+
     /// Bytes between slices.
     pub fn slice_bytes(&self) -> u64 {
         u64::from(self.slice_words) * 4
@@ -157,6 +162,21 @@ impl LevelLayout {
         let low = (scale * i64::from(cells.start) + offset).clamp(0, last);
         let high = (scale * (i64::from(cells.end) - 1) + offset + i64::from(source.distance)).clamp(low, last);
         low as u32..high as u32 + 1
+    }
+
+    /// Slices of the level before that layers of tiles are made from: those before, in and behind the middle of the
+    /// windows, for a level whose windows overlap.
+    pub fn source_slices(&self, before: &LevelLayout, layers: &std::ops::Range<u32>) -> [std::ops::Range<u32>; 3] {
+        let source = self.source.unwrap_or(LevelSource { scale: 1, offset: 0, distance: 0 });
+        let (scale, distance) = (i64::from(source.scale), i64::from(source.distance));
+        let (shift, last) = (distance / scale, i64::from(before.extent[2]) - 1);
+        // An invocation computes two slices that lie `shift` apart, and counts from the first.
+        let first = i64::from(layers.start * self.tile[2]);
+        let end = i64::from(layers.end * self.tile[2]) - shift;
+        [-shift, 0, shift].map(|by| {
+            let slice = |z: i64| (scale * (z + by) + i64::from(source.offset) + distance).clamp(0, last) as u32;
+            slice(first)..slice(end - 1) + 1
+        })
     }
 }
 

@@ -51,6 +51,8 @@ uniform! {
         shift_log2: u32,
         near: i32,
         _padding: u32,
+        first_slices: [u32; 3],
+        _padding_2: u32,
     }
 }
 

@@ -176,10 +176,13 @@ impl Cuts<'_> {
         origin + layers.start * BRICK - 1..origin + (layers.end * BRICK).min(self.dims[2]) + 1
     }
 
-    /// Slices of the level before that `layers` of tiles of a level are made from.
-    pub fn source_slices(&self, level: usize, layers: &Range<u32>) -> Range<u32> {
-        let layout = &self.layouts[level];
-        layout.source_cells(&self.layouts[level - 1], 2, layout.slices_of(layers))
+    /// The pieces of the level before that `layers` of tiles of a level are made from: slices of each binding.
+    pub fn source_slices(&self, level: usize, layers: &Range<u32>) -> Vec<Range<u32>> {
+        let (layout, before) = (&self.layouts[level], &self.layouts[level - 1]);
+        if layout.is_mip_level() {
+            return vec![layout.source_cells(before, 2, layout.slices_of(layers))];
+        }
+        layout.source_slices(before, layers).to_vec()
     }
 
     /// Bytes of a buffer of samples.
@@ -190,8 +193,9 @@ impl Cuts<'_> {
     fn level_fits(&self, level: usize, layers: &Range<u32>) -> bool {
         let bytes = |level: usize, slices: Range<u32>| slices.len() as u64 * self.layouts[level].slice_bytes();
         let target = bytes(level, self.layouts[level].slices_of(layers));
-        let source = if level == 0 { 0 } else { bytes(level - 1, self.source_slices(level, layers)) };
-        target.max(source) <= self.largest_binding
+        let sources = if level == 0 { Vec::new() } else { self.source_slices(level, layers) };
+        let largest = sources.into_iter().map(|slices| bytes(level - 1, slices)).fold(target, u64::max);
+        largest <= self.largest_binding
     }
 
     fn trace_fits(&self, settings: &AmbientOcclusion) -> bool {

@@ -142,11 +142,12 @@ impl AoBuild {
             return stages.classify.record_indirect(gpu, recorder, &params, &bindings, dispatch);
         };
         let from = pyramid.cuts(gpu, stages.sampled, &self.settings).source_slices(level, layers);
-        let (source_info, target_level) = (pyramid.layouts[level - 1].info(from.start), layout.info(slices.start));
+        let (source_info, target_level) = (pyramid.layouts[level - 1].info(from[0].start), layout.info(slices.start));
         let [list, changed] = lists;
-        let bindings = [(1, window(pyramid, level - 1, from)), (2, target), list, changed];
+        let mut bindings = vec![(2, target), list, changed];
         let (tiles, first_flag) = (layout.tiles(), pyramid.first_flags[level]);
-        if source.distance == 1 && source.scale == 2 {
+        if layout.is_mip_level() {
+            bindings.push((1, window(pyramid, level - 1, from[0].clone())));
             let params = MipmapParams {
                 source: source_info,
                 target_level,
@@ -157,6 +158,7 @@ impl AoBuild {
             };
             return stages.mipmap_level.record_indirect(gpu, recorder, &params, &bindings, dispatch);
         }
+        bindings.extend((10..).zip(&from).map(|(number, slices)| (number, window(pyramid, level - 1, slices.clone()))));
         let params = NBufferParams {
             source: source_info,
             target_level,
@@ -166,6 +168,8 @@ impl AoBuild {
             shift_log2: (source.distance / source.scale).trailing_zeros(),
             near: source.offset + source.distance as i32,
             _padding: 0,
+            first_slices: [0, 1, 2].map(|p: usize| from[p].start),
+            _padding_2: 0,
         };
         let stage = match (source.scale, source.distance) {
             (1, 1) => &stages.nbuffer_first_level,

@@ -22,8 +22,12 @@ use crate::volume::{Limits, VolumeId};
 /// Size of the pictures whose times are compared.
 const PICTURE: [u32; 2] = [640, 480];
 
-/// Opacities in CT data that a window is moved through: dense bone and teeth.
-const NARROW: [f64; 2] = [1500.0, 120.0];
+/// Width of a narrow window, in Hounsfield units.
+const WINDOW_WIDTH: f64 = 120.0;
+
+/// What windows are moved through: bone, which is all over a head, and the metal of a few teeth.
+const BONE: f64 = 1500.0;
+const METAL: f64 = 2400.0;
 
 /// A kind of edit: its name, what it may cost beside a full build, and the scene's points in every round.
 struct Edit {
@@ -32,10 +36,11 @@ struct Edit {
     points: fn(&[Value], u32) -> Vec<Value>,
 }
 
-const EDITS: [Edit; 5] = [
+const EDITS: [Edit; 6] = [
     Edit { name: "colours only", target: Some(0.0), points: recoloured },
     Edit { name: "unused range", target: Some(0.01), points: above_all_values },
-    Edit { name: "moved narrow window", target: Some(0.15), points: narrow_window },
+    Edit { name: "narrow window, metal", target: Some(0.15), points: |p, round| narrow_window(p, METAL, round) },
+    Edit { name: "narrow window, bone", target: Some(0.15), points: |p, round| narrow_window(p, BONE, round) },
     Edit { name: "dragged bone point", target: Some(0.35), points: dragged },
     Edit { name: "global opacity scale", target: None, points: scaled },
 ];
@@ -209,13 +214,13 @@ fn above_all_values(points: &[Value], round: u32) -> Vec<Value> {
     points
 }
 
-fn narrow_window(points: &[Value], round: u32) -> Vec<Value> {
-    let middle = NARROW[0] + 10.0 * f64::from(round);
-    let inside = |point: &Value| (point["value"].as_f64().unwrap_or(0.0) - middle).abs() <= 2.0 * NARROW[1];
+fn narrow_window(points: &[Value], middle: f64, round: u32) -> Vec<Value> {
+    let middle = middle + 10.0 * f64::from(round);
+    let inside = |point: &Value| (point["value"].as_f64().unwrap_or(0.0) - middle).abs() <= 2.0 * WINDOW_WIDTH;
     let mut points: Vec<Value> = points.iter().filter(|point| !inside(point)).cloned().collect();
     let color = json!("#ff8800");
     for (offset, opacity) in [(-0.5, 0.95), (-0.25, 0.3), (0.25, 0.3), (0.5, 0.95)] {
-        points.push(json!({"value": middle + offset * NARROW[1], "color": color, "opacity": opacity}));
+        points.push(json!({"value": middle + offset * WINDOW_WIDTH, "color": color, "opacity": opacity}));
     }
     points.sort_by(|a, b| a["value"].as_f64().unwrap_or(0.0).total_cmp(&b["value"].as_f64().unwrap_or(0.0)));
     points

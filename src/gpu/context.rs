@@ -12,9 +12,12 @@ use super::memory::Budget;
 /// that the driver hangs.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// GPU memory that may be used when nobody says otherwise. wgpu does not tell the size of a heap; this
-/// suits common cards and the 2-core machines that software adapters run on.
-const DEFAULT_BUDGET_BYTES: u64 = 4 << 30;
+/// Memory of a GPU that may be used when nobody says otherwise. wgpu does not tell the size of a heap; this suits
+/// common cards, and where there is less, the driver's own budget is respected too.
+const HARDWARE_BUDGET_BYTES: u64 = 4 << 30;
+
+/// Percentage of what the driver grants this process (VK_EXT_memory_budget) from which on allocations are refused.
+const DRIVER_BUDGET_PERCENT: u8 = 95;
 
 /// Storage buffers that one pass binds at most: nine ambient-occlusion levels, tables and an output.
 const STORAGE_BUFFERS_PER_PASS: u32 = 12;
@@ -86,6 +89,7 @@ impl Gpu {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::PRIMARY;
         descriptor.flags = wgpu::InstanceFlags::empty();
+        descriptor.memory_budget_thresholds.for_resource_creation = Some(DRIVER_BUDGET_PERCENT);
         let instance = wgpu::Instance::new(descriptor);
         let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let adapter = choose(found, options)?;
@@ -115,7 +119,9 @@ impl Gpu {
         .map_err(|e| GpuError::Device(format!("cannot open adapter `{}`: {e}", info.name)))?;
         let lost = Arc::new(AtomicBool::new(false));
         watch_for_loss(&device, &lost);
-        let budget = Budget::new(options.memory_budget_bytes.unwrap_or(DEFAULT_BUDGET_BYTES));
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        let budget = options.memory_budget_bytes.unwrap_or_else(|| default_budget_bytes(software, main_memory_bytes));
+        let budget = Budget::new(budget);
         let texture_16bit_norm = features.contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM);
         Ok(Self { device, queue, adapter: info, limits, texture_16bit_norm, budget, lost })
     }
@@ -183,6 +189,20 @@ impl Gpu {
         buffer.unmap();
         Ok(value)
     }
+}
+
+/// The budget when nobody gives one. A software adapter takes main memory, where the host copies of volumes are as
+/// well, and gets half of it.
+pub fn default_budget_bytes(software: bool, main_memory_bytes: impl FnOnce() -> u64) -> u64 {
+    if software { main_memory_bytes() / 2 } else { HARDWARE_BUDGET_BYTES }
+}
+
+/// Main memory that this process may use: the machine's, or what a container leaves of it.
+fn main_memory_bytes() -> u64 {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    let container = system.cgroup_limits().map_or(u64::MAX, |limits| limits.total_memory);
+    system.total_memory().min(container)
 }
 
 fn watch_for_loss(device: &wgpu::Device, lost: &Arc<AtomicBool>) {

@@ -8,7 +8,7 @@ mod pass;
 mod shaders;
 mod uniform;
 
-pub use context::{Gpu, GpuError, GpuOptions};
+pub use context::{Gpu, GpuError, GpuOptions, default_budget_bytes};
 pub use memory::{Budget, Category, GpuBuffer, GpuTexture};
 pub use pass::{Binding, ComputeStage, Recorder};
 pub use shaders::{Assembled, ShaderError, assemble, assemble_from, stems};

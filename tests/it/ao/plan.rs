@@ -154,10 +154,24 @@ impl Planned {
                 let target = slices.len() as u64 * layout.slice_bytes();
                 let Some(source) = layout.source else { return target };
                 let before = &self.layouts[*level as usize - 1];
-                let cell = |c: u32| i64::from(source.scale * c) + i64::from(source.offset);
-                let low = cell(slices.start).max(0);
-                let high = (cell(slices.end - 1) + i64::from(source.distance)).min(i64::from(before.extent[2]) - 1);
-                target.max((high - low + 1).max(0) as u64 * before.slice_bytes())
+                let last = i64::from(before.extent[2]) - 1;
+                let cell = |c: i64| (i64::from(source.scale) * c + i64::from(source.offset)).clamp(0, last);
+                let count = |reads: Vec<i64>| (reads.iter().max().unwrap() - reads.iter().min().unwrap() + 1) as u64;
+                let (distance, shift) = (i64::from(source.distance), i64::from(source.distance / source.scale));
+                if shift == 0 {
+                    let reads = slices.flat_map(|c| [cell(i64::from(c)), (cell(i64::from(c)) + distance).min(last)]);
+                    return target.max(count(reads.collect()) * before.slice_bytes());
+                }
+                // Of each pair of slices that lie `shift` apart: the window's near half, its middle, its far half.
+                let all = i64::from(layers.start * layout.tile[2])..i64::from(layers.end * layout.tile[2]);
+                let firsts: Vec<i64> = all.filter(|c| c / shift % 2 == 0).collect();
+                let read = |by: i64| {
+                    let at = |c: &i64| {
+                        (i64::from(source.scale) * (c + by) + i64::from(source.offset) + distance).clamp(0, last)
+                    };
+                    count(firsts.iter().map(at).collect()) * before.slice_bytes()
+                };
+                [-shift, 0, shift].map(read).into_iter().fold(target, u64::max)
             }
             Step::Combine { layers, .. } => {
                 let (low, high) = voxels(layers);
@@ -350,6 +364,7 @@ fn usual_volumes_have_a_plan_on_adapters_with_the_guaranteed_bindings_only() {
         ([512, 512, 512], raytraced(6, 1.0, 512)),
         ([256, 256, 256], n_buffer(8, 1.0)),
         ([256, 256, 415], n_buffer(7, 2.0)),
+        ([1024, 1024, 256], n_buffer(6, 1.0)),
         ([1024, 1024, 1024], mipmap(6, 1.0)),
     ] {
         for sampled in [false, settings.method == AoMethod::Spao] {

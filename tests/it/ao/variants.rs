@@ -38,7 +38,7 @@ fn windows_of_levels_give_the_same_bits_as_whole_levels() {
     let transfer = opacities(&[(20.0, 0.0), (200.0, 0.7)]);
     let whole = Subject::new(boxes());
     let dims = whole.volume.grid.dims;
-    for settings in [n_buffer(5, 1.0), n_buffer(5, 0.0), mipmap(6, 2.0), hybrid(6, 2, 1.0), raytraced(3, 1.0, 16)] {
+    for settings in [n_buffer(5, 1.0), n_buffer(6, 0.0), mipmap(6, 2.0), hybrid(6, 2, 1.0), raytraced(3, 1.0, 16)] {
         let sampled = whole.renderer.info().texture_16bit_norm && settings.method == AoMethod::Spao;
         let binding = tightest_binding(dims, &settings, sampled);
         let layouts = level_layouts(dims, &settings);

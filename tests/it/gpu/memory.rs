@@ -1,6 +1,6 @@
 //! Counted allocations, and errors that stay with the job that made them.
 
-use spao_server::gpu::{Category, ComputeStage, Gpu, GpuError, GpuOptions, Recorder};
+use spao_server::gpu::{Category, ComputeStage, Gpu, GpuError, GpuOptions, Recorder, default_budget_bytes};
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
 const MIB: u64 = 1 << 20;
@@ -34,6 +34,15 @@ fn assert_works(gpu: &Gpu) {
     recorder.copy(&from, &to, 8);
     let read = recorder.run_and_read(gpu, &to, 8, <[u8]>::to_vec).expect("the device works");
     assert_eq!(read, [0; 8], "new buffers are zeroed");
+}
+
+#[test]
+fn a_software_adapter_shares_main_memory_with_the_host_and_a_card_has_its_own() {
+    assert_eq!(default_budget_bytes(true, || 6 << 30), 3 << 30);
+    assert_eq!(default_budget_bytes(false, || unreachable!("its memory is its own")), 4 << 30);
+    let gpu = Gpu::new(&GpuOptions::default()).expect("tests need an adapter; a software one will do");
+    let expected = if gpu.is_software() { 64 * MIB..1 << 50 } else { 4 << 30..(4 << 30) + 1 };
+    assert!(expected.contains(&gpu.budget.limit_bytes()), "{}", gpu.budget.limit_bytes());
 }
 
 #[test]
