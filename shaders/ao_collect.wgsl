@@ -5,14 +5,13 @@
 
 struct CollectParams {
     tiles: vec3<u32>,          // of the level
-    first_flag: u32,           // of the source's tiles in `changed`
+    first_flag: u32,           // of the source's blocks in `changed`
     tile: vec3<u32>,           // cells of a tile
     first_candidate: u32,
-    source_tiles: vec3<u32>,
+    source_blocks: vec3<u32>,
     candidate_count: u32,
-    source_tile: vec3<u32>,
-    scale: i32,                // cells scale * c + offset to scale * c + offset + distance are read
     source_extent: vec3<u32>,  // cells
+    scale: i32,                // cells scale * c + offset to scale * c + offset + distance are read
     offset: i32,
     distance: i32,
     dispatch: u32,             // word of the dispatch's arguments
@@ -27,9 +26,9 @@ fn any_changed(tile: vec3<u32>) -> bool {
     let last = vec3<i32>(params.source_extent) - vec3<i32>(1);
     let cell = vec3<i32>(tile * params.tile) * params.scale + vec3<i32>(params.offset);
     let end = cell + (vec3<i32>(params.tile) - vec3<i32>(1)) * params.scale + vec3<i32>(params.distance);
-    let low = vec3<u32>(clamp(cell, vec3<i32>(0), last)) / params.source_tile;
-    let high = vec3<u32>(clamp(end, vec3<i32>(0), last)) / params.source_tile;
-    return any_marked(low, high, params.source_tiles, params.first_flag);
+    let low = vec3<u32>(clamp(cell, vec3<i32>(0), last));
+    let high = vec3<u32>(clamp(end, vec3<i32>(0), last));
+    return any_marked(low, high, params.source_blocks, params.first_flag);
 }
 
 @compute @workgroup_size(64, 1, 1)

@@ -1,18 +1,17 @@
 // The list of bricks whose accessibility an update has to compute: of the candidates, those that must be, and those
-// for which a look-up in some level meets a tile that has changed (METHODS 7).
+// for which a look-up in some level meets a block that has changed (METHODS 7).
 #import common/levels
 #import common/tiles
 #import common/marks
 
-struct LevelTiles {
-    tiles: vec3<u32>,
+struct LevelBlocks {
+    blocks: vec3<u32>,
     first_flag: u32,           // in `changed`
-    tile: vec3<u32>,           // cells of a tile
 }
 
 struct CollectBricksParams {
     levels: array<LevelInfo, 9>,
-    level_tiles: array<LevelTiles, 9>,
+    level_blocks: array<LevelBlocks, 9>,
     bricks: vec3<u32>,
     level_count: u32,
     first_candidate: u32,
@@ -30,15 +29,15 @@ struct CollectBricksParams {
 
 fn level_changed(level: u32, brick: vec3<u32>, reach: f32) -> bool {
     let info = params.levels[level];
-    let grid = params.level_tiles[level];
+    let grid = params.level_blocks[level];
     let last = vec3<f32>(info.extent - vec3<u32>(1u));
     let position = vec3<f32>(brick * 8u) + vec3<f32>(0.5);
     // A little more on either side than what is looked up, for rounding.
     let low_cell = (position - vec3<f32>(reach)) * info.inverse_scale + vec3<f32>(info.lookup_offset - 0.01);
     let high_cell = (position + vec3<f32>(7.0 + reach)) * info.inverse_scale + vec3<f32>(info.lookup_offset + 1.01);
-    let low = vec3<u32>(clamp(low_cell, vec3<f32>(0.0), last)) / grid.tile;
-    let high = vec3<u32>(clamp(high_cell, vec3<f32>(0.0), last)) / grid.tile;
-    return any_marked(low, high, grid.tiles, grid.first_flag);
+    let low = vec3<u32>(clamp(low_cell, vec3<f32>(0.0), last));
+    let high = vec3<u32>(clamp(high_cell, vec3<f32>(0.0), last));
+    return any_marked(low, high, grid.blocks, grid.first_flag);
 }
 
 @compute @workgroup_size(64, 1, 1)

@@ -7,7 +7,7 @@ struct MipmapParams {
     source: LevelInfo,
     target_level: LevelInfo,
     tiles: vec3<u32>,
-    first_flag: u32,     // of the level's tiles in `changed`
+    first_flag: u32,     // of the level's tiles in `changed`, each of which is a block
     offset: i32,         // cell c is the mean of cells 2c + offset and 2c + offset + 1; even
 }
 

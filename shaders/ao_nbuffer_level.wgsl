@@ -10,10 +10,11 @@ struct NBufferParams {
     source: LevelInfo,
     target_level: LevelInfo,
     tiles: vec3<u32>,
-    first_flag: u32,     // of the level's tiles in `changed`
+    first_flag: u32,     // of the level's blocks in `changed`
     rows_log2: u32,      // rows and slices of a tile, which is 32 cells wide
     shift_log2: u32,     // cells of the target between the windows that are averaged: half its width
     near: i32,           // where SUBSAMPLED, cell c of the target is at cell 2c + near of the source, else at c
+    blocks: vec2<u32>,
     first_slices: vec3<u32>,    // of the source, at the start of the three bindings
 }
 
@@ -102,15 +103,23 @@ fn put(word: u32, row: u32, slice: u32, value: u32) -> bool {
     return true;
 }
 
-// Two words of two rows of a slice; true if any of them differs from what was there.
-fn put_plane(at: vec3<u32>, shift: vec2<u32>, far: Plane, near: Plane, keep: u32) -> bool {
+// Marks the block of 32 x 8 x 8 cells around a word.
+fn mark(word: u32, row: u32, slice: u32, differs: bool) {
+    if differs {
+        changed[params.first_flag + ((slice >> 3u) * params.blocks.y + (row >> 3u)) * params.blocks.x + (word >> 4u)] = 1u;
+    }
+}
+
+// Two words, which are in one block, of two rows of a slice.
+fn put_plane(at: vec3<u32>, shift: vec2<u32>, far: Plane, near: Plane, keep: u32) {
     let first_row = far.first_row + near.first_row;
     let second_row = far.second_row + near.second_row;
     let a = put(at.x, at.y, at.z, pack_means(first_row.xy) & keep);
     let b = put(at.x + shift.x, at.y, at.z, pack_means(first_row.zw) & keep);
     let c = put(at.x, at.y + shift.y, at.z, pack_means(second_row.xy) & keep);
     let d = put(at.x + shift.x, at.y + shift.y, at.z, pack_means(second_row.zw) & keep);
-    return a || b || c || d;
+    mark(at.x, at.y, at.z, a || b);
+    mark(at.x, at.y + shift.y, at.z, c || d);
 }
 
 @compute @workgroup_size(8, 4, 4)
@@ -139,9 +148,6 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
     let before = plane_0(words, rows, slices.x);
     let middle = plane_1(words, rows, slices.y);
     let after = plane_2(words, rows, slices.z);
-    var differs = put_plane(at, vec2<u32>(stride, shift), before, middle, keep);
-    differs = put_plane(at + vec3<u32>(0u, 0u, shift), vec2<u32>(stride, shift), middle, after, keep) || differs;
-    if differs {
-        changed[params.first_flag + tile] = 1u;
-    }
+    put_plane(at, vec2<u32>(stride, shift), before, middle, keep);
+    put_plane(at + vec3<u32>(0u, 0u, shift), vec2<u32>(stride, shift), middle, after, keep);
 }

@@ -25,6 +25,10 @@ const TILE_WIDTH: u32 = 32;
 /// Fewest cells of a tile along y and z.
 const TILE_HEIGHT: u32 = 8;
 
+/// Cells along x, y, z that share a mark of having changed: the smallest tile. Tiles of coarse levels are larger, but
+/// what a small edit changes is not.
+const BLOCK: [u32; 3] = [TILE_WIDTH, TILE_HEIGHT, TILE_HEIGHT];
+
 /// Layout of one level in its buffer, and how it is made from the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LevelLayout {
@@ -110,6 +114,11 @@ impl LevelLayout {
     /// Tiles along x, y, z.
     pub fn tiles(&self) -> [u32; 3] {
         std::array::from_fn(|axis| self.extent[axis].div_ceil(self.tile[axis]))
+    }
+
+    /// Blocks that are marked as changed, along x, y, z.
+    pub(super) fn blocks(&self) -> [u32; 3] {
+        std::array::from_fn(|axis| self.extent[axis].div_ceil(BLOCK[axis]))
     }
 
     /// Cells of a tile.

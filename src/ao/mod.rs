@@ -19,8 +19,8 @@ pub use build::{Accessibility, AoBuild, AoSource, AoWork, StepTime};
 pub use cache::{AoCache, AoKey};
 pub use levels::{LevelLayout, LevelSource, level_layouts};
 pub use params::{
-    ClassifyParams, CollectBricksParams, CollectParams, LevelInfo, LevelTiles, MAX_LEVELS, MipmapParams, NBufferParams,
-    RaytracedParams, SpaoParams, SurfaceParams,
+    ClassifyParams, CollectBricksParams, CollectParams, LevelBlocks, LevelInfo, MAX_LEVELS, MipmapParams,
+    NBufferParams, RaytracedParams, SpaoParams, SurfaceParams,
 };
 pub use plan::{Cuts, Step, WorkLists};
 pub use pyramid::Pyramid;

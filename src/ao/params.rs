@@ -51,8 +51,10 @@ uniform! {
         shift_log2: u32,
         near: i32,
         _padding: u32,
+        blocks: [u32; 2],
+        _padding_2: [u32; 2],
         first_slices: [u32; 3],
-        _padding_2: u32,
+        _padding_3: u32,
     }
 }
 
@@ -63,25 +65,22 @@ uniform! {
         first_flag: u32,
         tile: [u32; 3],
         first_candidate: u32,
-        source_tiles: [u32; 3],
+        source_blocks: [u32; 3],
         candidate_count: u32,
-        source_tile: [u32; 3],
-        scale: i32,
         source_extent: [u32; 3],
+        scale: i32,
         offset: i32,
         distance: i32,
         dispatch: u32,
-        _padding: [u32; 2],
+        _padding: u32,
     }
 }
 
 uniform! {
-    /// Tiles of one level, as `ao_collect_bricks` sees them.
-    LevelTiles in "ao_collect_bricks" {
-        tiles: [u32; 3],
+    /// Blocks of one level, as `ao_collect_bricks` sees them.
+    LevelBlocks in "ao_collect_bricks" {
+        blocks: [u32; 3],
         first_flag: u32,
-        tile: [u32; 3],
-        _padding: u32,
     }
 }
 
@@ -89,7 +88,7 @@ uniform! {
     /// Parameters of `ao_collect_bricks`.
     CollectBricksParams in "ao_collect_bricks" {
         levels: [LevelInfo; MAX_LEVELS],
-        level_tiles: [LevelTiles; MAX_LEVELS],
+        level_blocks: [LevelBlocks; MAX_LEVELS],
         bricks: [u32; 3],
         level_count: u32,
         first_candidate: u32,

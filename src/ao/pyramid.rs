@@ -16,13 +16,13 @@ use crate::volume::BRICK;
 /// which is the update from the table of zeros.
 ///
 /// An update that is dropped half-way leaves the pyramid between two tables, with all that is needed to go on from
-/// there to any other: `pending` says which tiles were not yet computed, and tiles that have changed stay marked
+/// there to any other: `pending` says which tiles were not yet computed, and blocks that have changed stay marked
 /// until everything that depends on them has been computed.
 #[derive(Debug)]
 pub struct Pyramid {
     pub(super) layouts: Vec<LevelLayout>,
     pub(super) levels: Vec<GpuBuffer>,
-    /// A word for each tile of all levels: it has changed since the last update that was finished.
+    /// A word for each block of all levels: it has changed since the last update that was finished.
     pub(super) changed: GpuBuffer,
     pub(super) first_flags: Vec<u32>,
     pub(super) list: GpuBuffer,
@@ -70,7 +70,8 @@ impl Pyramid {
         let tiles: Vec<[u32; 3]> = layouts.iter().map(LevelLayout::tiles).collect();
         let count = |t: &[u32; 3]| t.iter().map(|&n| u64::from(n)).product::<u64>();
         let bricks = dims.map(|n| n.div_ceil(BRICK));
-        let all: u64 = tiles.iter().map(count).sum();
+        let blocks: Vec<u64> = layouts.iter().map(|l| count(&l.blocks())).collect();
+        let all: u64 = blocks.iter().sum();
         let longest = tiles.iter().map(count).max().unwrap_or(0).max(count(&bricks));
         let level_bytes: u64 = layouts.iter().map(LevelLayout::bytes).sum();
         let what = "ambient occlusion";
@@ -81,10 +82,10 @@ impl Pyramid {
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let buffer = |label: &str, bytes| gpu.buffer(label, Category::AoScratch, bytes, storage);
         let steepest = source.steepest();
-        let first_flag = |level: usize| tiles[..level].iter().map(count).sum::<u64>() as u32;
+        let first_flag = |level: usize| blocks[..level].iter().sum::<u64>() as u32;
         Ok(Self {
             levels: layouts.iter().map(|l| buffer("ao level", l.bytes())).collect::<Result<_, _>>()?,
-            changed: buffer("ao changed tiles", 4 * all)?,
+            changed: buffer("ao changed blocks", 4 * all)?,
             first_flags: (0..tiles.len()).map(first_flag).collect(),
             list: buffer("ao work list", 4 * longest)?,
             opacity_table: buffer("ao opacity table", 2 * source.opacity_table.len().next_multiple_of(2) as u64)?,

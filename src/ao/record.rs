@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::build::{AoBuild, DISPATCH_WORDS};
 use super::params::{
-    ClassifyParams, CollectBricksParams, CollectParams, LevelInfo, LevelTiles, MAX_LEVELS, MipmapParams, NBufferParams,
-    SpaoParams,
+    ClassifyParams, CollectBricksParams, CollectParams, LevelBlocks, LevelInfo, MAX_LEVELS, MipmapParams,
+    NBufferParams, SpaoParams,
 };
 use super::plan::Step;
 use super::pyramid::Pyramid;
@@ -90,8 +90,7 @@ impl AoBuild {
         let params = CollectParams {
             tiles: layout.tiles(),
             tile: layout.tile,
-            source_tiles: source.tiles(),
-            source_tile: source.tile,
+            source_blocks: source.blocks(),
             source_extent: source.extent,
             first_flag: pyramid.first_flags[before],
             first_candidate: first + candidates.start,
@@ -100,7 +99,7 @@ impl AoBuild {
             offset: layout.source.map_or(0, |s| s.offset),
             distance: layout.source.map_or(0, |s| s.distance as i32),
             dispatch: DISPATCH_WORDS * number,
-            _padding: [0; 2],
+            _padding: 0,
         };
         let bindings = [
             (1, Binding::Buffer(&self.candidates.raw)),
@@ -159,6 +158,7 @@ impl AoBuild {
             return stages.mipmap_level.record_indirect(gpu, recorder, &params, &bindings, dispatch);
         }
         bindings.extend((10..).zip(&from).map(|(number, slices)| (number, window(pyramid, level - 1, slices.clone()))));
+        let [blocks_x, blocks_y, _] = layout.blocks();
         let params = NBufferParams {
             source: source_info,
             target_level,
@@ -168,8 +168,10 @@ impl AoBuild {
             shift_log2: (source.distance / source.scale).trailing_zeros(),
             near: source.offset + source.distance as i32,
             _padding: 0,
+            blocks: [blocks_x, blocks_y],
+            _padding_2: [0; 2],
             first_slices: [0, 1, 2].map(|p: usize| from[p].start),
-            _padding_2: 0,
+            _padding_3: 0,
         };
         let stage = match (source.scale, source.distance) {
             (1, 1) => &stages.nbuffer_first_level,
@@ -188,16 +190,15 @@ impl AoBuild {
         (number, candidates): (u32, &Range<u32>),
     ) -> Result<(), GpuError> {
         let mut levels = [bytemuck::Zeroable::zeroed(); MAX_LEVELS];
-        let mut level_tiles = [bytemuck::Zeroable::zeroed(); MAX_LEVELS];
+        let mut level_blocks = [bytemuck::Zeroable::zeroed(); MAX_LEVELS];
         for (level, layout) in pyramid.layouts.iter().enumerate() {
             levels[level] = layout.info(0);
-            let first_flag = pyramid.first_flags[level];
-            level_tiles[level] = LevelTiles { tiles: layout.tiles(), first_flag, tile: layout.tile, _padding: 0 };
+            level_blocks[level] = LevelBlocks { blocks: layout.blocks(), first_flag: pyramid.first_flags[level] };
         }
         let first = self.work.levels.iter().map(Vec::len).sum::<usize>() as u32;
         let params = CollectBricksParams {
             levels,
-            level_tiles,
+            level_blocks,
             bricks: self.wanted.dims(),
             level_count: pyramid.layouts.len() as u32,
             first_candidate: first + candidates.start,

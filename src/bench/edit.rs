@@ -214,15 +214,26 @@ fn above_all_values(points: &[Value], round: u32) -> Vec<Value> {
     points
 }
 
+/// Another opacity within the window alone: around it everything stays as it was.
 fn narrow_window(points: &[Value], middle: f64, round: u32) -> Vec<Value> {
     let middle = middle + 10.0 * f64::from(round);
-    let inside = |point: &Value| (point["value"].as_f64().unwrap_or(0.0) - middle).abs() <= 2.0 * WINDOW_WIDTH;
-    let mut points: Vec<Value> = points.iter().filter(|point| !inside(point)).cloned().collect();
+    let number = |point: &Value, field: &str| point[field].as_f64().unwrap_or(0.0);
+    let line: Vec<[f64; 2]> = points.iter().map(|p| [number(p, "value"), number(p, "opacity")]).collect();
+    let before = |value: f64| {
+        let above = line.partition_point(|p| p[0] <= value);
+        let [low, high] = [above.saturating_sub(1), above.min(line.len() - 1)].map(|at| line[at]);
+        let share = if high[0] > low[0] { (value - low[0]) / (high[0] - low[0]) } else { 0.0 };
+        low[1] + share * (high[1] - low[1])
+    };
+    let [low, high] = [middle - 0.5 * WINDOW_WIDTH, middle + 0.5 * WINDOW_WIDTH];
+    let outside = |point: &&Value| !(low..=high).contains(&number(point, "value"));
+    let mut points: Vec<Value> = points.iter().filter(outside).cloned().collect();
     let color = json!("#ff8800");
-    for (offset, opacity) in [(-0.5, 0.95), (-0.25, 0.3), (0.25, 0.3), (0.5, 0.95)] {
-        points.push(json!({"value": middle + offset * WINDOW_WIDTH, "color": color, "opacity": opacity}));
+    let inside = [(low, before(low)), (low + 0.25 * WINDOW_WIDTH, 0.3), (high - 0.25 * WINDOW_WIDTH, 0.3)];
+    for (value, opacity) in inside.into_iter().chain([(high, before(high))]) {
+        points.push(json!({"value": value, "color": color, "opacity": opacity}));
     }
-    points.sort_by(|a, b| a["value"].as_f64().unwrap_or(0.0).total_cmp(&b["value"].as_f64().unwrap_or(0.0)));
+    points.sort_by(|a, b| number(a, "value").total_cmp(&number(b, "value")));
     points
 }
 

@@ -8,8 +8,9 @@ use super::request::RenderError;
 use crate::gpu::{Binding, Category, ComputeStage, Gpu, GpuError, GpuTexture, Recorder};
 use crate::volume::{Bricks, Volume};
 
-/// Bytes sent to the GPU in one go: bounds the staging memory and the time that others wait.
-const SLAB_BYTES: u64 = 16 << 20;
+/// Voxels that are sent, or whose gradients are computed, in one go: bounds the staging memory and the time that
+/// others wait. On two CPU cores it takes less than a picture, so that a stream keeps more than half of its pictures.
+const SLAB_VOXELS: u64 = 1 << 20;
 
 /// Longest gradient of the normalised value: three differences of half the range.
 pub(super) const LONGEST_GRADIENT: f32 = 0.866_025_4;
@@ -64,8 +65,7 @@ impl Upload {
     /// Sends or derives one slab; true when all is there.
     pub(super) fn advance(&mut self, gpu: &Gpu, gradient: &ComputeStage) -> Result<bool, GpuError> {
         let [x, y, z] = self.resident.volume.grid.dims;
-        let slice_bytes = u64::from(x) * u64::from(y) * self.texel_bytes;
-        let slices = u32::try_from(SLAB_BYTES / slice_bytes).unwrap_or(u32::MAX).max(1);
+        let slices = u32::try_from(SLAB_VOXELS / (u64::from(x) * u64::from(y))).unwrap_or(u32::MAX).max(1);
         gpu.guarded("uploading a volume", || {
             let mut recorder = Recorder::new(gpu, "upload");
             if self.next_slice < z {

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use spao_server::ao::{
-    ClassifyParams, CollectBricksParams, CollectParams, LevelInfo, LevelTiles, MAX_LEVELS, MipmapParams, NBufferParams,
-    RaytracedParams, SpaoParams, SurfaceParams,
+    ClassifyParams, CollectBricksParams, CollectParams, LevelBlocks, LevelInfo, MAX_LEVELS, MipmapParams,
+    NBufferParams, RaytracedParams, SpaoParams, SurfaceParams,
 };
 use spao_server::gpu::{Uniform, assemble, stems};
 use spao_server::renderer::{GradientParams, Light, RaycastParams};
@@ -46,7 +46,7 @@ fn every_struct_is_laid_out_like_its_twin() {
         differences::<CollectParams>(),
         differences::<GradientParams>(),
         differences::<LevelInfo>(),
-        differences::<LevelTiles>(),
+        differences::<LevelBlocks>(),
         differences::<Light>(),
         differences::<MipmapParams>(),
         differences::<NBufferParams>(),
@@ -179,7 +179,7 @@ fn arrays_in_uniform_blocks_hold_as_much_as_settings_allow() {
         ("ao_spao", "SpaoParams", "levels"),
         ("ao_spao", "SpaoParams", "inverse_sizes"),
         ("ao_collect_bricks", "CollectBricksParams", "levels"),
-        ("ao_collect_bricks", "CollectBricksParams", "level_tiles"),
+        ("ao_collect_bricks", "CollectBricksParams", "level_blocks"),
     ] {
         assert_eq!(array_length(stem, block, field) as usize, MAX_LEVELS, "{block}.{field}");
     }
