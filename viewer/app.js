@@ -5,9 +5,12 @@ import { OrbitCamera } from './camera.js';
 import { attachCameraInput } from './camera_input.js';
 import { askForKey, helpDialog, saveDialog, shareDialog } from './dialogs.js';
 import { byId } from './dom.js';
+import { informationDialog } from './information.js';
 import { Ledger } from './ledger.js';
 import { Library } from './library.js';
 import { hashOf, parseHash } from './link.js';
+import { openDataDialog } from './open_data.js';
+import { attachOrientation } from './orientation.js';
 import { attachEmptyState, attachOverlay } from './overlay.js';
 import { ambientOcclusionPanel, attachComparison } from './panels/ambient_occlusion.js';
 import { lightingPanel } from './panels/lighting.js';
@@ -20,6 +23,7 @@ import { Picture } from './picture.js';
 import { findVolume } from './recovery.js';
 import { Session } from './session.js';
 import { attachSheet } from './sheet.js';
+import { attachSlices } from './slices.js';
 import { SceneStore } from './store.js';
 import { attachTheme } from './theme.js';
 import { toast, toastError } from './toast.js';
@@ -78,7 +82,8 @@ function build(context) {
   const { session, library, undo, store, picture, server } = context;
   const actions = {
     choose: (volume) => library.choose(volume),
-    uploadFiles: (files) => library.uploadFiles(files),
+    open: () => openDataDialog(library, server),
+    about: (volume) => informationDialog(volume, context),
     makeProcedural: (kind, size) => library.makeProcedural(kind, size),
     remove: (volume) => library.remove(volume),
   };
@@ -88,11 +93,17 @@ function build(context) {
     volumesPanel(context, actions), transferFunctionPanel(context), ambientOcclusionPanel(context),
     lightingPanel(context), scenePanel(context), viewPanel(context), performancePanel(context),
   );
-  attachSheet();
-  attachDrop(byId('drop'), actions.uploadFiles);
+  const sheet = attachSheet();
+  library.loads.on('add', (load) => load.send && sheet.open('volumes'));
+  library.loads.on('failed', (load) => load.send && !load.choice && toastError(load.error, `${load.name}: `));
+  attachDrop(byId('drop'), (found) => library.openFiles(found));
   attachCameraInput(byId('picture'), context.camera);
   attachComparison(context, byId('compare'));
+  attachOrientation(context, byId('orientation'));
+  const slices = attachSlices(context);
   decorateToolbar(context, {
+    slices: slices.toggle,
+    about: () => session.volume && actions.about(session.volume),
     share: () => share(context),
     save: () => store.scene && saveDialog(session.documentOfView(), picture.size, server.limits?.max_image_axis ?? 4096, session.volume?.name ?? 'picture'),
     help: helpDialog,

@@ -1,0 +1,86 @@
+/** The dialog that opens data: from this device, from the server's data directory, or from an address. */
+
+import { button, segments } from './controls.js';
+import { openDialog } from './dialogs.js';
+import { h } from './dom.js';
+import { found } from './file_groups.js';
+import { icon } from './icons.js';
+import { serverFiles } from './server_files.js';
+
+/** What is chosen again next time. */
+let lastWay = 'device';
+
+/**
+ * @param {import('./library.js').Library} library
+ * @param {any} server what `GET /v1/server` answered
+ */
+export function openDataDialog(library, server) {
+  return openDialog('Open data', (close) => {
+    const sources = server.features?.volume_sources ?? [];
+    const openSource = (name, source) => {
+      close();
+      library.openSource(name, source);
+    };
+    const openFiles = (files) => {
+      close();
+      library.openFiles(files);
+    };
+    const ways = {
+      device: fromDevice(openFiles),
+      server: sources.includes('path') ? serverFiles(openSource)
+        : h('p', {}, 'This server shows no files of its own: it runs without --data-dir.'),
+      address: fromAddress(openSource, sources.includes('url')),
+    };
+    const place = h('div', { class: 'way' });
+    const show = (way) => {
+      lastWay = way;
+      place.replaceChildren(ways[way]);
+    };
+    const choice = segments({
+      label: 'From', options: [['device', 'This device'], ['server', 'Server'], ['address', 'Address']], onInput: show,
+    });
+    choice.set(lastWay);
+    show(lastWay);
+    return [choice.element, place];
+  }, 'open-data');
+}
+
+function fromDevice(openFiles) {
+  const picker = (props) => {
+    const input = h('input', {
+      type: 'file', multiple: true, hidden: true, ...props, onchange: () => input.files.length > 0 && openFiles(found(input.files)),
+    });
+    return input;
+  };
+  const files = picker({ 'aria-label': 'Volume files' });
+  const folder = picker({ 'aria-label': 'Folder of slices', webkitdirectory: true });
+  const chooseFiles = button('', () => files.click(), { class: 'button primary', autofocus: true });
+  chooseFiles.append(icon('file'), 'Choose files');
+  const chooseFolder = button('', () => folder.click());
+  chooseFolder.append(icon('folder'), 'Choose a folder');
+  return h('div', { class: 'stack' },
+    h('p', {}, 'NRRD, NIfTI, MetaImage, NumPy, VTK, TIFF, DICOM. Several DICOM slices, or a folder of them, become one volume. Files can also be dropped anywhere on the page.'),
+    h('div', { class: 'row' }, files, folder, chooseFiles, chooseFolder));
+}
+
+function fromAddress(openSource, isAllowed) {
+  const input = h('input', {
+    type: 'text', inputmode: 'url', autocomplete: 'off', spellcheck: 'false', required: true, 'aria-label': 'Address',
+    placeholder: 'https://… or s3://…',
+  });
+  return h('form', {
+    class: 'stack', onsubmit: (event) => {
+      event.preventDefault();
+      const url = input.value.trim();
+      if (url) openSource(nameOfAddress(url), { url });
+    },
+  }, h('p', {}, isAllowed ? 'The server fetches the file, from where its operator allows.'
+    : 'The server fetches the file. This one allows no addresses: it runs without --allow-source.'),
+  h('div', { class: 'row' }, input, h('button', { type: 'submit', class: 'button primary' }, 'Load')));
+}
+
+/** The last part of a path, without what says the format. @param {string} url */
+function nameOfAddress(url) {
+  const last = url.replace(/[?#].*$/, '').split('/').filter(Boolean).pop() ?? url;
+  return last.slice(0, 200);
+}
