@@ -148,8 +148,11 @@ export class Library extends Emitter {
 
   async #ready({ volume, isShown }) {
     await this.refresh();
-    if (!isShown) return;
+    // Begun elsewhere, it is shown only where there is nothing to see.
+    if (!isShown && this.session.volume) return;
     await this.choose(volume);
-    toast(`“${volume.name}” is loaded.`);
+    const notes = volume.notes ?? [];
+    const more = notes.length > 1 ? `${notes.length} notes on it are under Information (I).` : notes[0] ?? '';
+    toast(`“${volume.name}” is loaded. ${more.replaceAll('`', '')}`.trim());
   }
 }

@@ -28,7 +28,7 @@ export function openDataDialog(library, server) {
     const ways = {
       device: fromDevice(openFiles),
       server: sources.includes('path') ? serverFiles(openSource)
-        : h('p', {}, 'This server shows no files of its own: it runs without --data-dir.'),
+        : h('p', {}, 'This server shows no files of its own: it runs without ', h('code', {}, '--data-dir'), '.'),
       address: fromAddress(openSource, sources.includes('url')),
     };
     const place = h('div', { class: 'way' });
@@ -74,8 +74,8 @@ function fromAddress(openSource, isAllowed) {
       const url = input.value.trim();
       if (url) openSource(nameOfAddress(url), { url });
     },
-  }, h('p', {}, isAllowed ? 'The server fetches the file, from where its operator allows.'
-    : 'The server fetches the file. This one allows no addresses: it runs without --allow-source.'),
+  }, isAllowed ? h('p', {}, 'The server fetches the file, from where its operator allows.')
+    : h('p', {}, 'This server fetches nothing: it runs without ', h('code', {}, '--allow-source'), '.'),
   h('div', { class: 'row' }, input, h('button', { type: 'submit', class: 'button primary' }, 'Load')));
 }
 

@@ -20,6 +20,8 @@ const EDGES = ['left', 'right', 'top', 'bottom'];
 /** Most pixels across that are asked for: slices are small beside the 3D view. */
 const MOST_PIXELS = 1024;
 const FEWEST_PIXELS = 32;
+/** Pixels of scrolling for one slice: a notch of a wheel is about a hundred. */
+const WHEEL_STEP = 80;
 
 /**
  * What all slices of a volume have in common.
@@ -44,15 +46,18 @@ export class SliceView {
   /** What is asked for already, so that a move along another axis costs nothing here. */
   #asked = '';
   #url = '';
+  #limit;
 
   /**
    * @param {number} axis index axis that the slice is across
    * @param {{onIndex: (axis: number, index: number) => void, onPoint: (index: number[]) => void,
    *   onHover: (index: number[] | null) => void}} listeners
    *   the slider; a click; the pointer, as an index between voxels
+   * @param {number} [limit] most pixels along a side that the server draws
    */
-  constructor(axis, { onIndex, onPoint, onHover }) {
+  constructor(axis, { onIndex, onPoint, onHover }, limit = MOST_PIXELS) {
     this.axis = axis;
+    this.#limit = Math.min(limit, MOST_PIXELS);
     this.title = h('h3', {});
     this.number = h('output', {});
     this.slider = h('input', {
@@ -89,8 +94,8 @@ export class SliceView {
       event.preventDefault();
       if (!this.#state) return;
       turned += event.deltaY * [1, 16, 400][event.deltaMode];
-      const steps = Math.trunc(turned / 40);
-      turned -= steps * 40;
+      const steps = Math.trunc(turned / WHEEL_STEP);
+      turned -= steps * WHEEL_STEP;
       if (steps !== 0) onIndex(this.axis, this.#state.index[this.axis] + steps);
     }, { passive: false });
   }
@@ -144,7 +149,7 @@ export class SliceView {
   #ask(pixels, aspect) {
     const { volume, index, window: [low, high] } = this.#state;
     // Neither side may be longer than the limit, nor vanish.
-    const limit = Math.min(MOST_PIXELS, MOST_PIXELS * aspect);
+    const limit = Math.min(this.#limit, this.#limit * aspect);
     const width = Math.max(1, Math.round(Math.min(limit, Math.max(FEWEST_PIXELS * Math.min(1, aspect), pixels))));
     const query = { axis: AXES[this.axis], index: index[this.axis], low, high, width };
     const asked = JSON.stringify([volume.id, query]);
@@ -162,6 +167,7 @@ export class SliceView {
       await this.#showPicture(picture);
       this.fault.hidden = true;
     } catch (error) {
+      if (id !== this.#state?.volume.id) return;
       this.fault.textContent = error.message;
       this.fault.hidden = false;
       // The next move asks again, even if it comes back to this slice.

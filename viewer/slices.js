@@ -17,7 +17,7 @@ const NARROWEST = 0.02;
  * @param {import('./app.js').Context} context
  * @returns {{toggle: () => void}}
  */
-export function attachSlices({ session, store }) {
+export function attachSlices({ session, store, server }) {
   const element = byId('slices');
   const opener = byId('open-slices');
   opener.prepend(icon('slices'));
@@ -52,7 +52,7 @@ export function attachSlices({ session, store }) {
     },
     onPoint: moveTo,
     onHover: hover,
-  }));
+  }, server.limits?.max_image_axis));
 
   const windowPair = rangePair({
     label: 'Window', onInput: (low, high) => {
@@ -99,7 +99,7 @@ export function attachSlices({ session, store }) {
 
   const load = async () => {
     const { volume } = session;
-    if (!isOpen || state?.volume.id === volume?.id) return;
+    if (!isOpen || (state && state.volume.id === volume?.id && state.volume.sha256 === volume?.sha256)) return;
     state = null;
     isWindowOurs = false;
     views.forEach((view) => view.show(null));
@@ -123,13 +123,14 @@ export function attachSlices({ session, store }) {
     element.hidden = !isOpen;
     document.body.classList.toggle('with-slices', isOpen);
     opener.setAttribute('aria-pressed', String(isOpen));
-    opener.setAttribute('aria-expanded', String(isOpen));
     if (!isOpen && hadFocus) opener.focus();
     load();
     refresh();
   };
   opener.addEventListener('click', () => toggle());
   element.addEventListener('keydown', (event) => event.key === 'Escape' && toggle(false));
+  // What could not be had while the server was away.
+  session.on('status', ({ phase }) => phase === 'live' && refresh());
   session.on('volume', (volume) => (volume ? load() : toggle(false)));
   store.on('scene', (scene) => {
     if (!state || isWindowOurs || !scene || scene.volume !== state.volume.id) return;

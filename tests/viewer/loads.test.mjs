@@ -225,7 +225,7 @@ test('a load that fails on the server says why, also after the page was opened a
     await chooseFiles(page, octets('broken.nrrd', smallNrrd(23)));
     await row(page, 'broken.nrrd').getByText('Reading 0 %').waitFor();
     slow.fail('broken', { code: 'malformed', message: 'data: 12 bytes are missing' });
-    await row(page, 'broken.nrrd').getByText('Data: 12 bytes are missing').waitFor();
+    await row(page, 'broken.nrrd').getByText('data: 12 bytes are missing').waitFor();
     await page.reload();
     await settled(page);
     const failed = page.locator('.upload.failed');

@@ -43,7 +43,7 @@ function row(load, loads) {
     else text.removeAttribute('role');
     choices.hidden = !choice;
     if (error) {
-      text.textContent = choice?.question ? `${capitalized(choice.question)}:` : capitalized(error.message ?? String(error));
+      text.textContent = choice?.question ? `${capitalized(choice.question)}:` : error.message ?? String(error);
       text.title = [error.code, error.requestId && `request ${error.requestId}`].filter(Boolean).join(' · ');
       choices.setAttribute('aria-label', choice?.question ?? '');
       choices.replaceChildren(...(choice?.options ?? []).map(({ value, label }) =>
@@ -51,7 +51,7 @@ function row(load, loads) {
       return;
     }
     text.title = '';
-    text.textContent = fraction === null ? `${load.words}…` : `${load.words} ${Math.floor(fraction * 100)} %`;
+    text.textContent = fraction === null ? `${capitalized(load.words)}…` : `${capitalized(load.words)} ${Math.floor(fraction * 100)} %`;
     if (fraction === null) bar.removeAttribute('value');
     else bar.value = fraction;
   };

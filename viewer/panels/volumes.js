@@ -74,14 +74,15 @@ function entry(volume, current, { choose, about, remove }) {
   const isCurrent = volume.id === current?.id;
   // Taken off the GPU to make room: the next picture brings it back.
   const size = volume.state === 'evicted' ? 'in host memory' : formatBytes(volume.gpu_bytes);
-  const facts = `${volume.dims.join(' × ')} · ${volume.voxel_type} · ${size}`;
+  const isAveraged = volume.resolution?.factor.some((factor) => factor > 1);
+  const facts = [volume.dims.join(' × '), volume.voxel_type, size, isAveraged && 'averaged'].filter(Boolean).join(' · ');
   const [low, high] = volume.value_range;
   const pick = h('button', {
     type: 'button', class: 'volume', 'aria-current': isCurrent ? 'true' : null,
     title: `Values ${formatNumber(low)} … ${formatNumber(high)}`, onclick: () => choose(volume),
   }, h('span', { class: 'name' }, volume.name), h('span', { class: 'facts-line' }, facts));
   const info = h('button', {
-    type: 'button', class: 'icon-button', 'aria-label': `About ${volume.name}`, title: 'Information', 'aria-haspopup': 'dialog',
+    type: 'button', class: volume.notes?.length > 0 ? 'icon-button about noted' : 'icon-button about', 'aria-label': `About ${volume.name}`, title: 'Information', 'aria-haspopup': 'dialog',
     onclick: () => about(volume),
   }, icon('info'));
   const drop = h('button', {
