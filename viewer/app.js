@@ -23,7 +23,7 @@ import { Picture } from './picture.js';
 import { findVolume } from './recovery.js';
 import { Session } from './session.js';
 import { attachSheet } from './sheet.js';
-import { attachSlices } from './slices.js';
+import { Slices } from './slices.js';
 import { SceneStore } from './store.js';
 import { attachTheme } from './theme.js';
 import { toast, toastError } from './toast.js';
@@ -94,15 +94,15 @@ function build(context) {
     lightingPanel(context), scenePanel(context), viewPanel(context), performancePanel(context),
   );
   const sheet = attachSheet();
-  library.loads.on('add', (load) => load.send && sheet.open('volumes'));
-  library.loads.on('failed', (load) => load.send && !load.choice && toastError(load.error, `${load.name}: `));
+  library.loads.on('add', (load) => load.order > 0 && sheet.open('volumes'));
+  library.loads.on('failed', (load) => load.order > 0 && !load.choice && toastError(load.error, `${load.name}: `));
   attachDrop(byId('drop'), (found) => library.openFiles(found));
   attachCameraInput(byId('picture'), context.camera);
   attachComparison(context, byId('compare'));
   attachOrientation(context, byId('orientation'));
-  const slices = attachSlices(context);
+  const slices = new Slices(context);
   decorateToolbar(context, {
-    slices: slices.toggle,
+    slices: () => slices.toggle(),
     about: () => session.volume && actions.about(session.volume),
     share: () => share(context),
     save: () => store.scene && saveDialog(session.documentOfView(), picture.size, server.limits?.max_image_axis ?? 4096, session.volume?.name ?? 'picture'),
@@ -120,7 +120,7 @@ function build(context) {
 }
 
 /**
- * The scene of the link, else the first one there is, else a scene of the first volume, else the empty page.
+ * The scene of the link, else the first one that has its volume, else a scene of the first volume, else the empty page.
  * @param {Context} context
  */
 async function openFirst({ session, library, picture }) {
@@ -139,7 +139,8 @@ async function openFirst({ session, library, picture }) {
       const name = linked ? `the volume “${linked.volume.name}”` : 'the scene';
       toast(`The link leads to a scene that is gone, and this server does not have ${name}.`, 'error');
     }
-    const [scene] = await api.scenes();
+    // A scene may be left of a volume that was deleted.
+    const scene = (await api.scenes()).find((one) => volumes.some(({ id }) => id === one.volume));
     if (scene) return await session.open(scene);
     if (volumes[0]) {
       return await session.open(await api.createScene({ volume: volumes[0].id, viewport: { ...picture.size } }));

@@ -34,6 +34,9 @@ export function choiceIn(sentence) {
   return { question, parameter, options };
 }
 
+/** Whether the server can read a volume's file once more, as with another choice. @param {any} source */
+export const isElsewhere = (source) => Boolean(source?.path || source?.url);
+
 /**
  * A choice as the server takes it: a channel is a number where JSON has numbers.
  * @param {Choice} choice

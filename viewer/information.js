@@ -1,7 +1,7 @@
 /** The dialog with what is known of a volume: sizes, units, where it came from, what its file says. */
 
 import { api } from './api.js';
-import { choiceIn, chosen } from './choice.js';
+import { choiceIn, chosen, isElsewhere } from './choice.js';
 import { button } from './controls.js';
 import { openDialog } from './dialogs.js';
 import { formatBytes, formatNumber, h } from './dom.js';
@@ -53,9 +53,6 @@ function notes(volume, metadata, openSource) {
   return h('ul', { class: 'notes', 'aria-label': 'Notes' },
     ...sentences.map((sentence) => h('li', {}, sentence.replaceAll('`', ''), again(sentence))));
 }
-
-/** Whether the server can read the file once more. */
-const isElsewhere = (source) => Boolean(source?.path || source?.url);
 
 /** Of a volume that was averaged: by how much, and a way to see a part as it is. */
 function reduction(volume, clipBox, openSource) {

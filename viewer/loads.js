@@ -1,7 +1,7 @@
 /** Volumes on their way: packed and sent by this page, then loaded by the server, until they are there or failed. */
 
 import { api } from './api.js';
-import { choiceOf, chosen } from './choice.js';
+import { choiceOf, chosen, isElsewhere } from './choice.js';
 import { Emitter } from './store.js';
 
 /** More at once would take the connections that pictures and slices need. */
@@ -35,7 +35,7 @@ export class Load extends Emitter {
 
   /**
    * @param {string} name
-   * @param {Send | null} send null: begun elsewhere
+   * @param {Send | null} send null: this page does not have the file
    */
   constructor(name, send) {
     super();
@@ -84,18 +84,19 @@ export class Loads extends Emitter {
   /** @param {string} name @param {Send} send */
   start(name, send) {
     const load = new Load(name, send);
-    this.#begun += 1;
-    load.order = this.#begun;
+    this.#begin(load);
     this.#add(load);
     this.#run(load);
-    return load;
   }
 
   /** Shows what the server lists as loading or failed and this page did not begin. @param {any[]} volumes */
   adopt(volumes) {
     for (const volume of volumes) {
       if (this.all.some(({ id }) => id === volume.id)) continue;
-      const load = new Load(volume.name, null);
+      const { name, source } = volume;
+      // Of files that the server has, this page can choose as well.
+      const again = (choice, signal) => api.loadVolume({ name, source: { ...source, ...choice } }, signal);
+      const load = new Load(name, isElsewhere(source) ? again : null);
       load.id = volume.id;
       this.#add(load);
       this.#follow(load, volume).then((done) => this.#done(load, done), (error) => this.#failed(load, error));
@@ -115,7 +116,13 @@ export class Loads extends Emitter {
     const choice = chosen(load.choice, value);
     await this.#forget(load);
     load.restart(choice);
+    this.#begin(load);
     this.#run(load);
+  }
+
+  #begin(load) {
+    this.#begun += 1;
+    load.order = this.#begun;
   }
 
   #add(load) {
@@ -182,7 +189,9 @@ export class Loads extends Emitter {
   async #follow(load, volume) {
     const { signal } = load.abort;
     for (let pause = FIRST_PAUSE; volume.state === 'loading'; pause = Math.min(pause * 1.3, LAST_PAUSE)) {
-      load.report(volume.progress?.what ?? 'reading', volume.progress?.fraction);
+      const { what = 'reading', fraction } = volume.progress ?? {};
+      const isComputed = volume.source?.procedural && (what === 'fetching' || what === 'reading');
+      load.report(isComputed ? 'computing' : what, fraction);
       await new Promise((resolve) => setTimeout(resolve, pause));
       signal.throwIfAborted();
       volume = await api.volume(volume.id).catch((error) => {

@@ -7,6 +7,9 @@ import { formatBytes, h } from './dom.js';
 import { icon } from './icons.js';
 import { volumeName } from './upload.js';
 
+/** Where a person was last. */
+let lastPath = '';
+
 /**
  * @param {(name: string, source: {path: string}) => void} load
  * @returns {HTMLElement}
@@ -22,6 +25,7 @@ export function serverFiles(load) {
 
   const go = async (path, isAsked) => {
     wanted = path;
+    lastPath = path;
     crumbs.replaceChildren(...crumbsOf(path, (to) => go(to, true)));
     list.replaceChildren();
     note.textContent = 'Reading the folder…';
@@ -56,7 +60,7 @@ export function serverFiles(load) {
     whole.hidden = false;
   };
 
-  go('', false);
+  go(lastPath, false);
   return h('div', { class: 'stack' }, crumbs, whole, h('div', { class: 'files-box' }, list, note, more));
 }
 

@@ -59,7 +59,7 @@ export class SliceView {
     this.axis = axis;
     this.#limit = Math.min(limit, MOST_PIXELS);
     this.title = h('h3', {});
-    this.number = h('output', {});
+    this.number = h('output', { 'aria-hidden': 'true' });
     this.slider = h('input', {
       type: 'range', min: 0, step: 1, oninput: () => onIndex(axis, Number(this.slider.value)),
     });

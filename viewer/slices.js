@@ -13,138 +13,152 @@ import { SliceView, planeName } from './slice_view.js';
 /** The part of a transfer function that is too narrow a window would show one bright spot. */
 const NARROWEST = 0.02;
 
-/**
- * @param {import('./app.js').Context} context
- * @returns {{toggle: () => void}}
- */
-export function attachSlices({ session, store, server }) {
-  const element = byId('slices');
-  const opener = byId('open-slices');
-  opener.prepend(icon('slices'));
-  /** @type {import('./slice_view.js').SliceState | null} */ let state = null;
+/** The slices of the volume that is shown. */
+export class Slices {
+  /** @type {import('./slice_view.js').SliceState | null} */ #state = null;
   /** Whether a person set the window, which colours then no longer do. */
-  let isWindowOurs = false;
-  let isOpen = false;
+  #isWindowOurs = false;
+  #isOpen = false;
+  #probe = new Latest((request) => this.#ask(request));
+  #element = byId('slices');
+  #opener = byId('open-slices');
+  #row = h('div', { class: 'slice-row' });
+  // Not read out at every move of the pointer.
+  #value = h('output', { class: 'facts-line', 'aria-live': 'off', 'aria-label': 'Value under the pointer' });
+  #window = rangePair({ label: 'Window', onInput: (low, high) => this.#setWindow([low, high], true) });
+  #planes = segments({ label: 'Plane', options: [], onInput: (axis) => this.#choosePlane(axis) });
+  /** @type {SliceView[]} */ #views;
 
-  const value = h('output', { class: 'facts-line' });
-  const probe = new Latest(async ({ volume, index }) => {
-    const world = worldFromIndex(volume, index);
-    try {
-      describe(value, index, world, await api.probe(volume.id, world));
-    } catch (error) {
-      value.textContent = error.message;
-    }
-  });
-  const hover = (index) => {
-    const at = index ?? state?.index;
-    if (at) probe.ask({ volume: state.volume, index: at });
-  };
-  const moveTo = (index) => {
-    if (!state) return;
-    const { dims } = state.volume;
-    state = { ...state, index: index.map((at, axis) => Math.min(dims[axis] - 1, Math.max(0, at))) };
-    refresh();
-  };
-  const views = [0, 1, 2].map((axis) => new SliceView(axis, {
-    onIndex: (which, at) => {
-      moveTo(state.index.with(which, at));
-      hover(null);
-    },
-    onPoint: moveTo,
-    onHover: hover,
-  }, server.limits?.max_image_axis));
+  /** @param {import('./app.js').Context} context */
+  constructor({ session, store, server }) {
+    this.session = session;
+    this.store = store;
+    const listeners = {
+      onIndex: (axis, at) => {
+        this.#moveTo(this.#state.index.with(axis, at));
+        this.#hover(null);
+      },
+      onPoint: (index) => this.#moveTo(index),
+      onHover: (index) => this.#hover(index),
+    };
+    this.#views = [0, 1, 2].map((axis) => new SliceView(axis, listeners, server.limits?.max_image_axis));
+    this.#element.append(this.#row, this.#tools());
+    this.#opener.prepend(icon('slices'));
+    this.#opener.addEventListener('click', () => this.toggle());
+    this.#element.addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
+    session.on('volume', (volume) => (volume ? this.#load() : this.toggle(false)));
+    // What could not be had while the server was away.
+    session.on('status', ({ phase }) => phase === 'live' && this.#refresh());
+    store.on('scene', (scene) => this.#followColours(scene));
+  }
 
-  const windowPair = rangePair({
-    label: 'Window', onInput: (low, high) => {
-      isWindowOurs = true;
-      setWindow([low, high]);
-    },
-  });
-  const byColours = button('Colours', () => {
-    isWindowOurs = false;
-    setWindow(windowOfColours(state.volume, store.scene));
-  }, { class: 'button quiet', title: 'The values that the transfer function is about' });
-  const whole = button('All values', () => {
-    isWindowOurs = true;
-    setWindow(rangeOf(state.volume));
-  }, { class: 'button quiet', title: 'From the lowest to the highest value' });
-  const planes = segments({ label: 'Plane', options: [], onInput: (axis) => choosePlane(axis) });
-  const close = h('button', { type: 'button', class: 'icon-button', 'aria-label': 'Close the slices', title: 'Close (S)', onclick: () => toggle() },
-    icon('close'));
-  const row = h('div', { class: 'slice-row' });
-  element.append(row, h('div', { class: 'slice-tools' }, planes.element, windowPair.element,
-    h('div', { class: 'row' }, byColours, whole), value, close));
+  /** Opens or closes. */
+  toggle(isOpen = !this.#isOpen) {
+    if (isOpen && !this.session.volume) return;
+    // The button that closes goes away with what it closes.
+    const hadFocus = this.#element.contains(document.activeElement);
+    this.#isOpen = isOpen;
+    this.#element.hidden = !isOpen;
+    this.#opener.setAttribute('aria-pressed', String(isOpen));
+    if (!isOpen && hadFocus) this.#opener.focus();
+    this.#load();
+    this.#refresh();
+  }
 
-  const choosePlane = (axis) => {
-    planes.set(axis);
-    for (const view of views) view.element.classList.toggle('chosen', String(view.axis) === axis);
-    setPreference('plane', axis);
-  };
-  const setWindow = (window) => {
-    if (!state) return;
-    state = { ...state, window };
-    windowPair.set(rangeOf(state.volume), ...window);
-    refresh();
-  };
-  const refresh = () => isOpen && views.forEach((view) => view.show(state));
+  #tools() {
+    const byColours = button('Colours', () => this.#setWindow(windowOfColours(this.session.volume, this.store.scene), false),
+      { class: 'button quiet', title: 'The values that the transfer function is about' });
+    const whole = button('All values', () => this.#setWindow(rangeOf(this.session.volume), true),
+      { class: 'button quiet', title: 'From the lowest to the highest value' });
+    const close = h('button', {
+      type: 'button', class: 'icon-button', 'aria-label': 'Close the slices', title: 'Close (S)', onclick: () => this.toggle(false),
+    }, icon('close'));
+    return h('div', { class: 'slice-tools' }, this.#planes.element, this.#window.element,
+      h('div', { class: 'row' }, byColours, whole), this.#value, close);
+  }
 
-  const arrange = () => {
-    // As patients' slices are read: axial, coronal, sagittal; without a patient z, y, x.
-    const rank = (view) => (state.isPatient ? nearestWorldAxis(state.volume.direction[view.axis]) : view.axis);
-    const ordered = [...views].sort((a, b) => rank(b) - rank(a));
-    row.replaceChildren(...ordered.map((view) => view.element));
-    planes.setOptions(ordered.map((view) => [String(view.axis), planeName(state, view.axis)]));
-    choosePlane(preference('plane', String(ordered[0].axis)));
-  };
-
-  const load = async () => {
-    const { volume } = session;
-    if (!isOpen || (state && state.volume.id === volume?.id && state.volume.sha256 === volume?.sha256)) return;
-    state = null;
-    isWindowOurs = false;
-    views.forEach((view) => view.show(null));
-    value.textContent = '';
+  /** Begins with a volume, in its middle. */
+  async #load() {
+    const { volume } = this.session;
+    const known = this.#state?.volume;
+    if (!this.#isOpen || (known && known.id === volume?.id && known.sha256 === volume.sha256)) return;
+    this.#state = null;
+    this.#views.forEach((view) => view.show(null));
+    this.#value.textContent = '';
     if (!volume) return;
     const isPatient = await hasPatientAxes(volume);
-    if (session.volume?.id !== volume.id) return;
+    if (this.session.volume?.id !== volume.id) return;
     const index = volume.dims.map((count) => Math.floor(count / 2));
-    state = { volume, index, isPatient, window: windowOfColours(volume, store.scene) };
-    windowPair.set(rangeOf(volume), ...state.window);
-    refresh();
-    arrange();
-    hover(null);
-  };
+    this.#state = { volume, index, isPatient, window: rangeOf(volume) };
+    this.#setWindow(windowOfColours(volume, this.store.scene), false);
+    this.#arrange();
+    this.#hover(null);
+  }
 
-  const toggle = (wanted = !isOpen) => {
-    if (wanted && !session.volume) return;
-    // The button that closes goes away with what it closes.
-    const hadFocus = element.contains(document.activeElement);
-    isOpen = wanted;
-    element.hidden = !isOpen;
-    document.body.classList.toggle('with-slices', isOpen);
-    opener.setAttribute('aria-pressed', String(isOpen));
-    if (!isOpen && hadFocus) opener.focus();
-    load();
-    refresh();
-  };
-  opener.addEventListener('click', () => toggle());
-  element.addEventListener('keydown', (event) => event.key === 'Escape' && toggle(false));
-  // What could not be had while the server was away.
-  session.on('status', ({ phase }) => phase === 'live' && refresh());
-  session.on('volume', (volume) => (volume ? load() : toggle(false)));
-  store.on('scene', (scene) => {
-    if (!state || isWindowOurs || !scene || scene.volume !== state.volume.id) return;
-    const window = windowOfColours(state.volume, scene);
-    if (String(window) !== String(state.window)) setWindow(window);
-  });
-  return { toggle: () => toggle() };
+  /** As patients' slices are read: axial, coronal, sagittal; without a patient z, y, x. */
+  #arrange() {
+    const { isPatient, volume } = this.#state;
+    const rank = ({ axis }) => (isPatient ? nearestWorldAxis(volume.direction[axis]) : axis);
+    const ordered = [...this.#views].sort((a, b) => rank(b) - rank(a));
+    this.#row.replaceChildren(...ordered.map((view) => view.element));
+    this.#planes.setOptions(ordered.map(({ axis }) => [String(axis), planeName(this.#state, axis)]));
+    this.#choosePlane(preference('plane', String(ordered[0].axis)));
+  }
+
+  /** Where there is room for one slice, which. @param {string} axis */
+  #choosePlane(axis) {
+    this.#planes.set(axis);
+    for (const view of this.#views) view.element.classList.toggle('chosen', String(view.axis) === axis);
+    setPreference('plane', axis);
+  }
+
+  #refresh() {
+    if (this.#isOpen) this.#views.forEach((view) => view.show(this.#state));
+  }
+
+  #moveTo(index) {
+    if (!this.#state) return;
+    const { dims } = this.#state.volume;
+    this.#state = { ...this.#state, index: index.map((at, axis) => Math.min(dims[axis] - 1, Math.max(0, at))) };
+    this.#refresh();
+  }
+
+  /** @param {[number, number]} window @param {boolean} isOurs */
+  #setWindow(window, isOurs) {
+    if (!this.#state) return;
+    this.#isWindowOurs = isOurs;
+    this.#state = { ...this.#state, window };
+    this.#window.set(rangeOf(this.#state.volume), ...window);
+    this.#refresh();
+  }
+
+  #followColours(scene) {
+    if (!this.#state || this.#isWindowOurs || scene?.volume !== this.#state.volume.id) return;
+    const window = windowOfColours(this.#state.volume, scene);
+    if (String(window) !== String(this.#state.window)) this.#setWindow(window, false);
+  }
+
+  /** @param {number[] | null} index under the pointer; null: where the slices meet */
+  #hover(index) {
+    if (this.#state) this.#probe.ask({ volume: this.#state.volume, index: index ?? this.#state.index });
+  }
+
+  async #ask({ volume, index }) {
+    const world = worldFromIndex(volume, index);
+    try {
+      const found = await api.probe(volume.id, world);
+      if (volume === this.#state?.volume) this.#value.textContent = describe(index, world, found);
+    } catch (error) {
+      this.#value.textContent = error.message;
+    }
+  }
 }
 
 /** Value, voxel and place in a line. */
-function describe(output, index, world, { inside, value }) {
+function describe(index, world, { inside, value }) {
   const list = (numbers, digits) => numbers.map((number) => formatNumber(number, digits)).join(', ');
   const words = !inside ? 'outside' : value === null ? 'not a number' : formatNumber(value, 6);
-  output.textContent = `${words} · voxel ${index.map(Math.round).join(', ')} · at ${list(world, 5)}`;
+  return `${words} · voxel ${index.map(Math.round).join(', ')} · at ${list(world, 5)}`;
 }
 
 /** The range of a volume; never empty. @returns {[number, number]} */

@@ -155,6 +155,21 @@ test('a link to a scene that is gone makes it again', async () => {
   }, { hash: link, tolerated: /status of 404/ });
 });
 
+test('a scene whose volume was deleted is passed over', async () => {
+  const left = { id: 'left', revision: 1, volume: 'v_deleted' };
+  await withViewer(async (page) => {
+    await page.route(/\/v1\/scenes$/, async (route) => {
+      if (route.request().method() !== 'GET') return route.continue();
+      const { scenes } = await (await route.fetch()).json();
+      return route.fulfill({ json: { scenes: [left, ...scenes] } });
+    });
+    await page.goto('about:blank');
+    await page.goto(`${running.url}/`);
+    await settled(page);
+    assert.equal((await sceneOf(page)).id, 'default');
+  });
+});
+
 test('a link keeps its look where another scene has the same id', async () => {
   const id = (await freshScene()).slice(3);
   let link = '';
