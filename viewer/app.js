@@ -59,6 +59,7 @@ async function start() {
   const server = await waitForServer();
   /** @type {Context} */
   const context = { store, session, camera, picture, ledger, library, undo, server };
+  library.maxBytes = server.limits?.max_upload_bytes ?? Infinity;
   picture.setLimit(server.limits?.max_image_axis ?? Infinity);
   build(context);
   await openFirst(context);
@@ -82,7 +83,7 @@ function build(context) {
   const { session, library, undo, store, picture, server } = context;
   const actions = {
     choose: (volume) => library.choose(volume),
-    open: () => openDataDialog(library, server),
+    open: () => openDataDialog(library),
     about: (volume) => informationDialog(volume, context),
     makeProcedural: (kind, size) => library.makeProcedural(kind, size),
     remove: (volume) => library.remove(volume),

@@ -2,6 +2,7 @@
 
 import { api } from './api.js';
 import { confirmDialog, describeRawFile } from './dialogs.js';
+import { formatBytes } from './dom.js';
 import { groupFiles } from './file_groups.js';
 import { Loads } from './loads.js';
 import { Emitter } from './store.js';
@@ -14,6 +15,8 @@ export class Library extends Emitter {
   /** Those that can be shown. @type {import('./store.js').Volume[]} */ volumes = [];
   /** Those that cannot yet, or could not. */
   loads = new Loads();
+  /** Longest file that the server takes. */
+  maxBytes = Infinity;
   /** @type {Map<string, string>} Volume to the scene that this page last showed of it. */ #scenes = new Map();
 
   /**
@@ -141,7 +144,11 @@ export class Library extends Emitter {
       this.#send(file, { name: volumeName(name), ...query, ...choice }, report, signal));
   }
 
-  #send(file, query, report, signal) {
+  async #send(file, query, report, signal) {
+    // Told before it is sent: a server that refuses in the middle can only break the connection.
+    if (file.size > this.maxBytes) {
+      throw new RangeError(`it has ${formatBytes(file.size)}, and this server takes ${formatBytes(this.maxBytes)} at most`);
+    }
     report('sending', 0);
     return upload(file, query, (fraction) => (fraction < 1 ? report('sending', fraction) : report('reading')), signal);
   }

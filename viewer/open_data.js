@@ -10,13 +10,9 @@ import { serverFiles } from './server_files.js';
 /** What is chosen again next time. */
 let lastWay = 'device';
 
-/**
- * @param {import('./library.js').Library} library
- * @param {any} server what `GET /v1/server` answered
- */
-export function openDataDialog(library, server) {
+/** @param {import('./library.js').Library} library */
+export function openDataDialog(library) {
   return openDialog('Open data', (close) => {
-    const sources = server.features?.volume_sources ?? [];
     const openSource = (name, source) => {
       close();
       library.openSource(name, source);
@@ -26,15 +22,17 @@ export function openDataDialog(library, server) {
       library.openFiles(files);
     };
     const ways = {
-      device: fromDevice(openFiles),
-      server: sources.includes('path') ? serverFiles(openSource)
-        : h('p', {}, 'This server shows no files of its own: it runs without ', h('code', {}, '--data-dir'), '.'),
-      address: fromAddress(openSource, sources.includes('url')),
+      device: () => fromDevice(openFiles),
+      server: () => serverFiles(openSource),
+      address: () => fromAddress(openSource),
     };
+    // Made when they are looked at: the server's files are asked for.
+    const made = {};
     const place = h('div', { class: 'way' });
     const show = (way) => {
       lastWay = way;
-      place.replaceChildren(ways[way]);
+      made[way] ??= ways[way]();
+      place.replaceChildren(made[way]);
     };
     const choice = segments({
       label: 'From', options: [['device', 'This device'], ['server', 'Server'], ['address', 'Address']], onInput: show,
@@ -63,7 +61,7 @@ function fromDevice(openFiles) {
     h('div', { class: 'row' }, files, folder, chooseFiles, chooseFolder));
 }
 
-function fromAddress(openSource, isAllowed) {
+function fromAddress(openSource) {
   const input = h('input', {
     type: 'text', inputmode: 'url', autocomplete: 'off', spellcheck: 'false', required: true, 'aria-label': 'Address',
     placeholder: 'https://… or s3://…',
@@ -74,8 +72,7 @@ function fromAddress(openSource, isAllowed) {
       const url = input.value.trim();
       if (url) openSource(nameOfAddress(url), { url });
     },
-  }, isAllowed ? h('p', {}, 'The server fetches the file, from where its operator allows.')
-    : h('p', {}, 'This server fetches nothing: it runs without ', h('code', {}, '--allow-source'), '.'),
+  }, h('p', {}, 'The server fetches the file, from where its operator allows by ', h('code', {}, '--allow-source'), '.'),
   h('div', { class: 'row' }, input, h('button', { type: 'submit', class: 'button primary' }, 'Load')));
 }
 

@@ -118,6 +118,24 @@ test('an address is asked for, and the server\'s refusal is shown as it is', asy
   }, { hash: await freshScene(), ...REFUSED });
 });
 
+test('a file that is too long for the server is not sent', async () => {
+  await withViewer(async (page) => {
+    await page.route(/\/v1\/server$/, async (route) => {
+      const server = await (await route.fetch()).json();
+      return route.fulfill({ json: { ...server, limits: { ...server.limits, max_upload_bytes: 2048 } } });
+    });
+    await page.reload();
+    await settled(page);
+    let sent = 0;
+    page.on('request', (request) => {
+      if (request.method() === 'POST') sent += 1;
+    });
+    await chooseFiles(page, octets('long.nrrd', smallNrrd()));
+    await row(page, 'long.nrrd').getByText('it has 13.6 KiB, and this server takes 2 KiB at most').waitFor();
+    assert.equal(sent, 0);
+  }, { hash: await freshScene() });
+});
+
 test('a dropped folder is read to its ground', async () => {
   await withViewer(async (page) => {
     await settled(page);

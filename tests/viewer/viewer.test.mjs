@@ -121,6 +121,15 @@ test('ambient occlusion darkens the creases at a fixed exposure', async () => {
   }, { hash });
 });
 
+test('a server without files of its own says so', async () => {
+  await withViewer(async (page) => {
+    await settled(page);
+    await page.click('#section-volumes .add-volume > button');
+    await page.locator('dialog label', { hasText: 'Server' }).click();
+    await page.locator('dialog').getByText('the server has no --data-dir').waitFor();
+  }, { hash: await freshScene(), tolerated: /status of 422/ });
+});
+
 test('a link brings its view to another browser', async () => {
   let link = '';
   let shared;

@@ -38,8 +38,8 @@ function row(load, loads) {
     element.classList.toggle('failed', Boolean(error) && !choice);
     close.setAttribute('aria-label', `${error ? 'Dismiss' : 'Cancel'} ${load.name}`);
     close.title = error ? 'Dismiss' : 'Cancel';
-    // Percents are in the bar's own role; only what needs a person interrupts.
-    if (error) text.setAttribute('role', 'alert');
+    // Percents are in the bar's own role, and failures in a toast; a question interrupts by itself.
+    if (choice) text.setAttribute('role', 'alert');
     else text.removeAttribute('role');
     choices.hidden = !choice;
     if (error) {
