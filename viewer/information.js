@@ -39,10 +39,15 @@ function content(volume, metadata, clipBox, openSource) {
   ].filter(Boolean);
 }
 
+/** Whether voxels of the file were put together, because they are too many. */
+export const isAveraged = ({ resolution }) => Boolean(resolution?.factor.some((factor) => factor > 1));
+
 /** What people should know; where the file has other channels, they are a click away. */
 function notes(volume, metadata, openSource) {
-  const sentences = [...new Set([...(volume.notes ?? []), ...metadata.notes])];
-  if (sentences.length === 0) return null;
+  const sentences = new Set([...(volume.notes ?? []), ...metadata.notes]);
+  // The box above says it, with what to do about it.
+  for (const sentence of sentences) if (isAveraged(volume) && / are averaged/.test(sentence)) sentences.delete(sentence);
+  if (sentences.size === 0) return null;
   const again = (sentence) => {
     const choice = isElsewhere(volume.source) ? choiceIn(sentence) : null;
     if (!choice) return null;
@@ -51,13 +56,13 @@ function notes(volume, metadata, openSource) {
         { title: `Load ${choice.parameter} ${value}` })));
   };
   return h('ul', { class: 'notes', 'aria-label': 'Notes' },
-    ...sentences.map((sentence) => h('li', {}, sentence.replaceAll('`', ''), again(sentence))));
+    ...[...sentences].map((sentence) => h('li', {}, sentence.replaceAll('`', ''), again(sentence))));
 }
 
 /** Of a volume that was averaged: by how much, and a way to see a part as it is. */
 function reduction(volume, clipBox, openSource) {
   const { resolution } = volume;
-  if (!resolution?.factor.some((factor) => factor > 1)) return null;
+  if (!isAveraged(volume)) return null;
   const sentence = h('p', {}, `Too large as a whole: of ${resolution.full_dims.join(TIMES)} voxels, blocks of ${resolution.factor.join(TIMES)} are averaged.`);
   if (!isElsewhere(volume.source)) {
     return h('div', { class: 'reduced stack' }, sentence, h('p', {}, 'A part at full resolution can be loaded of a file that the server has, or of an address.'));

@@ -3,6 +3,7 @@
 import { button, segments } from '../controls.js';
 import { formatBytes, formatNumber, h } from '../dom.js';
 import { icon } from '../icons.js';
+import { isAveraged } from '../information.js';
 import { loadsList } from './loads.js';
 import { section } from './section.js';
 
@@ -74,8 +75,7 @@ function entry(volume, current, { choose, about, remove }) {
   const isCurrent = volume.id === current?.id;
   // Taken off the GPU to make room: the next picture brings it back.
   const size = volume.state === 'evicted' ? 'in host memory' : formatBytes(volume.gpu_bytes);
-  const isAveraged = volume.resolution?.factor.some((factor) => factor > 1);
-  const facts = [volume.dims.join(' × '), volume.voxel_type, size, isAveraged && 'averaged'].filter(Boolean).join(' · ');
+  const facts = [volume.dims.join(' × '), volume.voxel_type, size, isAveraged(volume) && 'averaged'].filter(Boolean).join(' · ');
   const [low, high] = volume.value_range;
   const pick = h('button', {
     type: 'button', class: 'volume', 'aria-current': isCurrent ? 'true' : null,
