@@ -14,4 +14,4 @@ command -v npm >/dev/null || missing+=(npm)
 
 [ -d tests/viewer/node_modules/playwright-core ] ||
     npm install --prefix tests/viewer --no-audit --no-fund --no-package-lock --silent
-CHROMIUM="$(browser)" SPAO_SERVER="${SPAO_SERVER:-$PWD/target/debug/spao-server}" node --test tests/viewer/viewer.test.mjs
+CHROMIUM="$(browser)" SPAO_SERVER="${SPAO_SERVER:-$PWD/target/debug/spao-server}" node --test --test-concurrency=1 tests/viewer/*.test.mjs

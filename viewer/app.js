@@ -5,9 +5,12 @@ import { OrbitCamera } from './camera.js';
 import { attachCameraInput } from './camera_input.js';
 import { askForKey, helpDialog, saveDialog, shareDialog } from './dialogs.js';
 import { byId } from './dom.js';
+import { informationDialog } from './information.js';
 import { Ledger } from './ledger.js';
 import { Library } from './library.js';
 import { hashOf, parseHash } from './link.js';
+import { openDataDialog } from './open_data.js';
+import { attachOrientation } from './orientation.js';
 import { attachEmptyState, attachOverlay } from './overlay.js';
 import { ambientOcclusionPanel, attachComparison } from './panels/ambient_occlusion.js';
 import { lightingPanel } from './panels/lighting.js';
@@ -20,6 +23,7 @@ import { Picture } from './picture.js';
 import { findVolume } from './recovery.js';
 import { Session } from './session.js';
 import { attachSheet } from './sheet.js';
+import { Slices } from './slices.js';
 import { SceneStore } from './store.js';
 import { attachTheme } from './theme.js';
 import { toast, toastError } from './toast.js';
@@ -55,6 +59,7 @@ async function start() {
   const server = await waitForServer();
   /** @type {Context} */
   const context = { store, session, camera, picture, ledger, library, undo, server };
+  library.maxBytes = server.limits?.max_upload_bytes ?? Infinity;
   picture.setLimit(server.limits?.max_image_axis ?? Infinity);
   build(context);
   await openFirst(context);
@@ -78,7 +83,8 @@ function build(context) {
   const { session, library, undo, store, picture, server } = context;
   const actions = {
     choose: (volume) => library.choose(volume),
-    uploadFiles: (files) => library.uploadFiles(files),
+    open: () => openDataDialog(library),
+    about: (volume) => informationDialog(volume, context),
     makeProcedural: (kind, size) => library.makeProcedural(kind, size),
     remove: (volume) => library.remove(volume),
   };
@@ -88,11 +94,17 @@ function build(context) {
     volumesPanel(context, actions), transferFunctionPanel(context), ambientOcclusionPanel(context),
     lightingPanel(context), scenePanel(context), viewPanel(context), performancePanel(context),
   );
-  attachSheet();
-  attachDrop(byId('drop'), actions.uploadFiles);
+  const sheet = attachSheet();
+  library.loads.on('add', (load) => load.order > 0 && sheet.open('volumes'));
+  library.loads.on('failed', (load) => load.order > 0 && !load.choice && toastError(load.error, `${load.name}: `));
+  attachDrop(byId('drop'), (found) => library.openFiles(found));
   attachCameraInput(byId('picture'), context.camera);
   attachComparison(context, byId('compare'));
+  attachOrientation(context, byId('orientation'));
+  const slices = new Slices(context);
   decorateToolbar(context, {
+    slices: () => slices.toggle(),
+    about: () => session.volume && actions.about(session.volume),
     share: () => share(context),
     save: () => store.scene && saveDialog(session.documentOfView(), picture.size, server.limits?.max_image_axis ?? 4096, session.volume?.name ?? 'picture'),
     help: helpDialog,
@@ -109,7 +121,7 @@ function build(context) {
 }
 
 /**
- * The scene of the link, else the first one there is, else a scene of the first volume, else the empty page.
+ * The scene of the link, else the first one that has its volume, else a scene of the first volume, else the empty page.
  * @param {Context} context
  */
 async function openFirst({ session, library, picture }) {
@@ -128,7 +140,8 @@ async function openFirst({ session, library, picture }) {
       const name = linked ? `the volume “${linked.volume.name}”` : 'the scene';
       toast(`The link leads to a scene that is gone, and this server does not have ${name}.`, 'error');
     }
-    const [scene] = await api.scenes();
+    // A scene may be left of a volume that was deleted.
+    const scene = (await api.scenes()).find((one) => volumes.some(({ id }) => id === one.volume));
     if (scene) return await session.open(scene);
     if (volumes[0]) {
       return await session.open(await api.createScene({ volume: volumes[0].id, viewport: { ...picture.size } }));

@@ -147,7 +147,7 @@ export class OrbitCamera extends Emitter {
     this.setVolume(volume);
     const corners = volumeCorners(volume);
     this.target = scale(add(corners[0], corners[7]), 0.5);
-    const { right, up, back } = this.#axes();
+    const { right, up, back } = this.axes;
     const slope = Math.tan((this.fov * RADIANS) / 2) * FILL;
     this.distance = 0;
     this.height = 0;
@@ -161,20 +161,21 @@ export class OrbitCamera extends Emitter {
     this.emit('change');
   }
 
-  /** World height of the picture at the target. */
-  #heightAtTarget() {
-    return 2 * this.distance * Math.tan((this.fov * RADIANS) / 2);
-  }
-
-  #axes() {
+  /** Unit world vectors: what is to the right and up in the picture, and what is towards the viewer. */
+  get axes() {
     const back = directionFromAngles(this.azimuth, this.elevation);
     const a = this.azimuth * RADIANS;
     const right = /** @type {Vec3} */ ([Math.cos(a), Math.sin(a), 0]);
     return { back, right, up: cross(back, right) };
   }
 
+  /** World height of the picture at the target. */
+  #heightAtTarget() {
+    return 2 * this.distance * Math.tan((this.fov * RADIANS) / 2);
+  }
+
   #shift(right, up) {
-    const axes = this.#axes();
+    const axes = this.axes;
     const height = this.projection === 'orthographic' ? this.height : this.#heightAtTarget();
     const shift = add(scale(axes.right, right * height), scale(axes.up, up * height));
     this.target = add(this.target, shift);

@@ -10,11 +10,12 @@ import { toast, toastError } from './toast.js';
  * Opens a dialog; resolves when it is closed, with its return value.
  * @param {string} title
  * @param {(close: (value?: string) => void) => Node[]} build the content
+ * @param {string} [kind] a class for what is special to it
  * @returns {Promise<string>}
  */
-function open(title, build) {
+export function openDialog(title, build, kind) {
   return new Promise((resolve) => {
-    const dialog = h('dialog', { 'aria-label': title });
+    const dialog = h('dialog', { 'aria-label': title, class: kind });
     const close = (value = '') => dialog.close(value);
     const dismiss = h('button', { type: 'button', class: 'icon-button', 'aria-label': 'Close', onclick: () => close() }, icon('close'));
     dialog.append(h('header', {}, h('h2', {}, title), dismiss), ...build(close));
@@ -37,7 +38,7 @@ const primary = (text, props = {}) => h('button', { type: 'submit', class: 'butt
  * @param {string} word on the button
  */
 export async function confirmDialog(question, text, word) {
-  const answer = await open(question, (close) => [
+  const answer = await openDialog(question, (close) => [
     h('p', {}, text),
     footer(button('Cancel', () => close()), button(word, () => close('yes'), { class: 'button danger', autofocus: true })),
   ]);
@@ -49,7 +50,7 @@ export async function askForKey(wrong) {
   let key = '';
   while (!key) {
     const input = h('input', { type: 'password', autocomplete: 'off', 'aria-label': 'API key', required: true, autofocus: true });
-    await open('This server needs an API key', (close) => [
+    await openDialog('This server needs an API key', (close) => [
       h('p', {}, wrong ? 'The last key was not accepted.' : 'It is kept for this tab only.'),
       h('form', {
         class: 'stack', onsubmit: (event) => {
@@ -72,7 +73,7 @@ export function shareDialog(link, scene) {
     await copyText(content);
     event.target.textContent = 'Copied';
   }, { 'aria-label': `Copy ${what}` });
-  return open('Share this view', () => [
+  return openDialog('Share this view', () => [
     h('p', {}, 'The link opens this scene with this view, and makes it again where it is gone.'),
     h('div', { class: 'row' }, field, copy('the link', link)),
     h('div', { class: 'row spread' }, h('h3', {}, 'Scene document'), copy('the JSON', text)),
@@ -113,7 +114,7 @@ export function saveDialog(scene, size, limit, name) {
   const sizes = [['This view', size.width, size.height], ['2 ×', size.width * 2, size.height * 2], ['Full HD', 1920, 1080], ['4K', 3840, 2160]]
     .filter(([, w, h2]) => w <= limit && h2 <= limit)
     .map(([text, w, h2]) => button(text, () => set(w, h2), { class: 'button quiet' }));
-  return open('Save picture', (close) => {
+  return openDialog('Save picture', (close) => {
     const submit = primary('Save');
     return [h('form', {
       class: 'stack', onsubmit: async (event) => {
@@ -162,7 +163,7 @@ export async function describeRawFile(file) {
   const endian = h('select', { 'aria-label': 'Byte order' }, h('option', {}, 'little'), h('option', {}, 'big'));
   let query = null;
   const labelled = (text, input) => h('label', { class: 'control field' }, h('span', {}, text), input);
-  await open(`What is in ${file.name}?`, (close) => [
+  await openDialog(`What is in ${file.name}?`, (close) => [
     h('p', {}, `${file.size.toLocaleString()} bytes without a header.`),
     h('form', {
       class: 'stack', onsubmit: (event) => {
@@ -183,12 +184,12 @@ const KEYS = [
   ['Drag, one finger', 'orbit'], ['Shift or right drag, two fingers', 'pan'], ['Wheel, pinch', 'zoom'],
   ['Arrow keys', 'orbit; with Shift pan'], ['+  −', 'zoom'], ['F, Home', 'show the whole volume'],
   ['1 … 6', 'front, back, left, right, top, bottom'], ['O (hold)', 'without ambient occlusion'],
-  ['Ctrl Z, Ctrl Shift Z', 'undo, redo'], ['H', 'hide or show the panel'], ['?', 'this list'],
+  ['S', 'slices'], ['I', 'about this volume'], ['Ctrl Z, Ctrl Shift Z', 'undo, redo'], ['H', 'hide or show the panel'], ['?', 'this list'],
 ];
 
 /** What the mouse and the keys do. */
 export function helpDialog() {
-  return open('Mouse, touch and keys', () => [
+  return openDialog('Mouse, touch and keys', () => [
     h('dl', { class: 'keys' }, ...KEYS.flatMap(([key, meaning]) => [h('dt', {}, key), h('dd', {}, meaning)])),
   ]);
 }

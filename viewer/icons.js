@@ -15,6 +15,11 @@ const PATHS = {
   plus: 'M12 5v14M5 12h14',
   compare: 'M12 3v18M4 6h5v12H4zM15 6h5v12h-5z',
   keyboard: 'M3 7h18v10H3zM7 10.5h.01M11 10.5h.01M15 10.5h.01M7 13.5h10',
+  info: 'M12 21a9 9 0 1 0 0-18 9 9 0 0 0 0 18zM12 11v5M12 8h.01',
+  folder: 'M3 19V5h6l2 3h10v11z',
+  file: 'M6 3h8l4 4v14H6zM14 3v4h4',
+  up: 'M12 19V6m-6 6 6-6 6 6',
+  slices: 'm12 3 9 4.5-9 4.5-9-4.5zM3 12l9 4.5 9-4.5M3 16.5 12 21l9-4.5',
   chevron: 'm9 6 6 6-6 6',
 };
 

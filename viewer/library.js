@@ -2,15 +2,21 @@
 
 import { api } from './api.js';
 import { confirmDialog, describeRawFile } from './dialogs.js';
-import { formatBytes, h } from './dom.js';
-import { icon } from './icons.js';
+import { formatBytes } from './dom.js';
+import { groupFiles } from './file_groups.js';
+import { Loads } from './loads.js';
 import { Emitter } from './store.js';
 import { toast, toastError } from './toast.js';
-import { needsDescription, upload } from './upload.js';
+import { needsDescription, upload, volumeName } from './upload.js';
+import { zipOf } from './zip.js';
 
-/** Emits `change` (the list) and `upload` (an element that shows one upload). */
+/** Emits `change` (the list). */
 export class Library extends Emitter {
-  /** @type {import('./store.js').Volume[]} */ volumes = [];
+  /** Those that can be shown. @type {import('./store.js').Volume[]} */ volumes = [];
+  /** Those that cannot yet, or could not. */
+  loads = new Loads();
+  /** Longest file that the server takes. */
+  maxBytes = Infinity;
   /** @type {Map<string, string>} Volume to the scene that this page last showed of it. */ #scenes = new Map();
 
   /**
@@ -21,6 +27,8 @@ export class Library extends Emitter {
     super();
     this.session = session;
     this.picture = picture;
+    this.loads.on('ready', (ready) => this.#ready(ready));
+    this.loads.on('dismissed', () => this.refresh());
     session.on('settled', () => {
       const { volume, store } = session;
       if (volume && store.id) this.#scenes.set(volume.id, store.id);
@@ -31,7 +39,10 @@ export class Library extends Emitter {
   /** Asks the server for the list. */
   async refresh() {
     try {
-      this.volumes = await api.volumes();
+      const all = await api.volumes();
+      const isComing = ({ state }) => state === 'loading' || state === 'failed';
+      this.volumes = all.filter((volume) => !isComing(volume));
+      this.loads.adopt(all.filter(isComing));
       this.emit('change');
     } catch (error) {
       toastError(error);
@@ -55,26 +66,43 @@ export class Library extends Emitter {
     }
   }
 
-  /** @param {File[]} files one after the other: the last one is shown */
-  async uploadFiles(files) {
-    for (const file of files) await this.#uploadFile(file);
+  /**
+   * Files of this computer, each volume a load of its own.
+   * @param {import('./file_groups.js').Found[]} found
+   */
+  async openFiles(found) {
+    let sorted;
+    try {
+      sorted = groupFiles(found);
+    } catch (error) {
+      toastError(error);
+      return;
+    }
+    const { groups, passedOver } = sorted;
+    if (groups.length === 0) toast('No volume is among these files.', 'error');
+    else if (passedOver > 0) toast(`${passedOver} other file${passedOver === 1 ? ' was' : 's were'} passed over.`);
+    for (const group of groups) await this.#openGroup(group);
+  }
+
+  /**
+   * A file or folder of the server, an address, or what the server computes.
+   * @param {string} name
+   * @param {Record<string, any>} source
+   */
+  openSource(name, source) {
+    const what = 'procedural' in source ? 'computing' : 'url' in source ? 'fetching' : 'reading';
+    this.loads.start(name, (choice, signal, report) => {
+      report(what);
+      return api.loadVolume({ name, source: { ...source, ...choice } }, signal);
+    });
   }
 
   /**
    * @param {string} kind
    * @param {number} size voxels along every axis
    */
-  async makeProcedural(kind, size) {
-    const row = uploadRow(`${kind.replaceAll('_', ' ')} ${size}³`, null);
-    this.emit('upload', row.element);
-    row.busy('Computing');
-    try {
-      const source = { procedural: { kind, dims: [size, size, size], seed: 1 } };
-      await this.#added(await api.createVolume({ name: `${kind}-${size}`, source }));
-      row.element.remove();
-    } catch (error) {
-      row.failed(error);
-    }
+  makeProcedural(kind, size) {
+    this.openSource(`${kind}-${size}`, { procedural: { kind, dims: [size, size, size], seed: 1 } });
   }
 
   /** @param {import('./store.js').Volume} volume */
@@ -100,63 +128,38 @@ export class Library extends Emitter {
     return this.refresh();
   }
 
-  async #uploadFile(file) {
+  /** @param {import('./file_groups.js').Group} group */
+  async #openGroup(group) {
+    if ('slices' in group) {
+      this.loads.start(group.name, async (choice, signal, report) => {
+        const archive = await zipOf(group.slices, (fraction) => report('packing', fraction), signal);
+        return this.#send(archive, { name: group.name.slice(0, 200), format: 'dicom', ...choice }, report, signal);
+      });
+      return;
+    }
+    const { name, file } = group;
     const query = needsDescription(file) ? await describeRawFile(file) : {};
     if (!query) return;
-    const abort = new AbortController();
-    const row = uploadRow(file.name, () => abort.abort());
-    this.emit('upload', row.element);
-    try {
-      const volume = await upload(file, query, (fraction) => {
-        if (fraction < 1) row.progress(fraction, `${formatBytes(file.size * fraction)} of ${formatBytes(file.size)}`);
-        else row.busy('Reading');
-      }, abort.signal);
-      await this.#added(volume);
-      row.element.remove();
-      toast(`“${volume.name}” is loaded.`);
-    } catch (error) {
-      row.failed(error);
+    this.loads.start(name, (choice, signal, report) =>
+      this.#send(file, { name: volumeName(name), ...query, ...choice }, report, signal));
+  }
+
+  async #send(file, query, report, signal) {
+    // Told before it is sent: a server that refuses in the middle can only break the connection.
+    if (file.size > this.maxBytes) {
+      throw new RangeError(`it has ${formatBytes(file.size)}, and this server takes ${formatBytes(this.maxBytes)} at most`);
     }
+    report('sending', 0);
+    return upload(file, query, (fraction) => (fraction < 1 ? report('sending', fraction) : report('reading')), signal);
   }
 
-  async #added(volume) {
+  async #ready({ volume, isShown }) {
     await this.refresh();
+    // Begun elsewhere, it is shown only where there is nothing to see.
+    if (!isShown && this.session.volume) return;
     await this.choose(volume);
+    const notes = volume.notes ?? [];
+    const more = notes.length > 1 ? `${notes.length} notes on it are under Information (I).` : notes[0] ?? '';
+    toast(`“${volume.name}” is loaded. ${more.replaceAll('`', '')}`.trim());
   }
-}
-
-/** One upload in the list: how far it is, a way to stop it, and what went wrong. */
-function uploadRow(name, cancel) {
-  const text = h('span', { class: 'facts-line', role: 'status' }, 'Waiting');
-  const bar = h('progress', { max: 1, 'aria-label': `Upload of ${name}` });
-  const close = h('button', {
-    type: 'button', class: 'icon-button', 'aria-label': cancel ? `Cancel ${name}` : `Dismiss ${name}`,
-    onclick: () => {
-      cancel?.();
-      element.remove();
-    },
-  }, icon('close'));
-  const element = h('div', { class: 'upload' }, h('span', { class: 'name' }, name), text, bar, close);
-  return {
-    element,
-    progress(fraction, words) {
-      bar.value = fraction;
-      text.textContent = words;
-    },
-    busy(word) {
-      bar.removeAttribute('value');
-      text.textContent = `${word}…`;
-    },
-    failed(error) {
-      if (error?.code === 'cancelled') {
-        element.remove();
-        return;
-      }
-      bar.remove();
-      element.classList.add('failed');
-      text.setAttribute('role', 'alert');
-      text.textContent = error?.message ?? String(error);
-      if (error?.requestId) text.title = `${error.code} · request ${error.requestId}`;
-    },
-  };
 }

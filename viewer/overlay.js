@@ -118,7 +118,7 @@ export function attachEmptyState({ session, picture }, actions) {
   element.append(
     h('div', { class: 'empty-art', 'aria-hidden': 'true' }),
     h('h2', {}, 'Drop a volume here'), message,
-    h('p', {}, 'NRRD or raw voxels, from anywhere on this page. Or start with a computed one.'),
+    h('p', {}, 'A file, a folder of DICOM slices, anywhere on this page. Or start with a computed one.'),
     addButtons(actions, true),
   );
   session.on('status', ({ phase }) => {

@@ -13,7 +13,7 @@ import { api } from './api.js';
  */
 export function findVolume(volumes, wanted) {
   if (!wanted) return undefined;
-  const usable = volumes.filter((volume) => volume.state !== 'failed');
+  const usable = volumes.filter(({ state }) => state !== 'failed' && state !== 'loading');
   const sameSize = (volume) => !wanted.dims || String(volume.dims) === String(wanted.dims);
   return (
     usable.find((volume) => volume.sha256 === wanted.sha256)

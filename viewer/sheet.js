@@ -10,6 +10,7 @@ const NAMES = {
 /** Pixels of a drag that count as a flick to the next state. */
 const FLICK = 36;
 
+/** @returns {{open: (section: string) => void}} shows a section, wherever sections are */
 export function attachSheet() {
   const panel = byId('panel');
   const handle = byId('sheet-handle');
@@ -24,15 +25,19 @@ export function attachSheet() {
   for (const [id, name] of Object.entries(NAMES)) {
     const tab = h('button', {
       type: 'button', 'data-section': id, 'aria-pressed': 'false', onclick: () => {
-        const isShown = panel.dataset.section === id && state !== 'closed';
-        panel.dataset.section = id;
-        for (const element of document.querySelectorAll('.section')) element.classList.toggle('chosen', element.id === `section-${id}`);
-        byId(`section-${id}`).open = true;
-        show(isShown ? 'closed' : state === 'closed' ? 'half' : state);
+        if (panel.dataset.section === id && state !== 'closed') show('closed');
+        else open(id);
       },
     }, name);
     tabs.append(tab);
   }
+
+  const open = (id) => {
+    panel.dataset.section = id;
+    for (const element of document.querySelectorAll('.section')) element.classList.toggle('chosen', element.id === `section-${id}`);
+    byId(`section-${id}`).open = true;
+    show(state === 'closed' ? 'half' : state);
+  };
 
   let from = null;
   let flicked = false;
@@ -66,4 +71,5 @@ export function attachSheet() {
     show(wanted);
   };
   show('closed');
+  return { open };
 }

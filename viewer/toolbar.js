@@ -9,15 +9,15 @@ const VIEWS = [[0, 0], [180, 0], [90, 0], [-90, 0], [0, 90], [0, -90]];
 
 /**
  * @param {import('./app.js').Context} context
- * @param {{share: () => void, save: () => void, help: () => void}} dialogs
+ * @param {{share: () => void, save: () => void, help: () => void, slices: () => void, about: () => void}} dialogs
  */
-export function decorateToolbar({ undo, session, camera, picture, store }, { share, save, help }) {
+export function decorateToolbar({ undo, session, camera, picture, store }, { share, save, help, slices, about }) {
   for (const [id, name] of Object.entries(ICONS)) byId(id).prepend(icon(/** @type {any} */ (name)));
   byId('compare').prepend(icon('compare'));
   const fit = () => session.volume && camera.fit(session.volume, picture.aspect);
   const commands = { undo: () => undo.undo(), redo: () => undo.redo(), share, save, fit, help };
   for (const [id, run] of Object.entries(commands)) byId(id).addEventListener('click', run);
-  const needScene = ['undo', 'redo', 'share', 'save', 'fit', 'compare'];
+  const needScene = ['undo', 'redo', 'share', 'save', 'fit', 'compare', 'open-slices'];
   const enable = () => {
     for (const id of needScene) byId(id).disabled = !store.scene;
     const method = store.scene?.ambient_occlusion?.method;
@@ -40,6 +40,8 @@ export function decorateToolbar({ undo, session, camera, picture, store }, { sha
     const isRange = target instanceof HTMLInputElement;
     if (key === 'f' || (key === 'home' && !isRange)) fit();
     else if (key === 'h') document.body.classList.toggle('panel-hidden');
+    else if (key === 's') slices();
+    else if (key === 'i') about();
     else if (key === '?') help();
     else if (VIEWS[Number(key) - 1] && session.volume) camera.lookFrom(...VIEWS[Number(key) - 1]);
     else return;

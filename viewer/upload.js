@@ -1,19 +1,21 @@
 /** Files to the server, with progress: fetch cannot tell how much has been sent, so this is an XMLHttpRequest. */
 
-import { ApiError, apiKey, authorization, errorFrom, renewKey, urlOf } from './api.js';
+import { ApiError, apiKey, authorization, errorFrom, renewKey, urlOf, withoutWaiting } from './api.js';
+import { foundInDrop } from './file_groups.js';
+import { toastError } from './toast.js';
 
 /**
- * @param {File} file
- * @param {Record<string, string>} query `format` and what it needs, for files without a header
+ * @param {Blob} file
+ * @param {Record<string, string>} query `name`, and what else the server should know of the file
  * @param {(fraction: number) => void} onProgress of sending; 1 while the server still reads
  * @param {AbortSignal} [signal]
- * @returns {Promise<import('./store.js').Volume>}
+ * @returns {Promise<import('./store.js').Volume>} perhaps still loading
  * @throws {ApiError}
  */
 export async function upload(file, query, onProgress, signal) {
   const keyBefore = apiKey();
   try {
-    return await send(file, query, onProgress, signal);
+    return await withoutWaiting((more) => send(file, { ...query, ...more }, onProgress, signal));
   } catch (error) {
     if (error.status !== 401) throw error;
     await renewKey(keyBefore);
@@ -23,8 +25,9 @@ export async function upload(file, query, onProgress, signal) {
 
 function send(file, query, onProgress, signal) {
   return new Promise((resolve, reject) => {
+    signal?.throwIfAborted();
     const url = urlOf('v1/volumes');
-    url.search = String(new URLSearchParams({ name: volumeName(file.name), ...query }));
+    url.search = String(new URLSearchParams(query));
     const request = new XMLHttpRequest();
     request.open('POST', url);
     for (const [name, value] of Object.entries(authorization())) request.setRequestHeader(name, value);
@@ -33,7 +36,7 @@ function send(file, query, onProgress, signal) {
     request.upload.onprogress = ({ loaded, total }) => onProgress(total > 0 ? loaded / total : 0);
     request.upload.onload = () => onProgress(1);
     request.onload = () => {
-      if (request.status === 201) resolve(JSON.parse(request.responseText));
+      if (request.status === 201 || request.status === 202) resolve(JSON.parse(request.responseText));
       else reject(errorFrom(request.status, request.responseText));
     };
     const failed = (code, message) => () => reject(new ApiError(0, { code, message }));
@@ -45,7 +48,7 @@ function send(file, query, onProgress, signal) {
 }
 
 /** A file's name without what says its format. */
-const volumeName = (name) => name.replace(/(\.nii\.gz|\.tar\.gz|\.[^.]+)$/i, '').slice(0, 200) || name;
+export const volumeName = (name) => name.replace(/(\.nii\.gz|\.tar\.gz|\.[^.]+)$/i, '').slice(0, 200) || name;
 
 /** Whether a file says nothing about itself, so that a person has to. */
 export const needsDescription = (file) => /\.(raw|bin|img|dat)$/i.test(file.name);
@@ -53,9 +56,9 @@ export const needsDescription = (file) => /\.(raw|bin|img|dat)$/i.test(file.name
 /**
  * Makes the whole page take files.
  * @param {HTMLElement} overlay shown while files hover
- * @param {(files: File[]) => void} onFiles
+ * @param {(found: import('./file_groups.js').Found[]) => void} onFound
  */
-export function attachDrop(overlay, onFiles) {
+export function attachDrop(overlay, onFound) {
   let depth = 0;
   const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes('Files');
   const show = (visible) => {
@@ -78,6 +81,6 @@ export function attachDrop(overlay, onFiles) {
     if (!hasFiles(event)) return;
     event.preventDefault();
     show(false);
-    onFiles([...event.dataTransfer.files]);
+    foundInDrop(event.dataTransfer).then(onFound, toastError);
   });
 }

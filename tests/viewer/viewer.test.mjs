@@ -1,144 +1,13 @@
-// The viewer in a real browser against the real server.
-//
-//   SPAO_SERVER  path of the server binary (default: target/debug/spao-server)
-//   SPAO_URL     instead: a running server; the tests that restart it are left out
-//   CHROMIUM     path of the browser (default: /usr/bin/chromium)
+// What is seen, edited, shared and saved, and what survives a restart.
 
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
-import { fileURLToPath } from 'node:url';
-import { chromium } from 'playwright-core';
+import { test } from 'node:test';
+import {
+  BINARY, changing, difference, freshScene, readPicture, restartServer, running, sceneOf, section, settled, useServer, withViewer,
+} from './harness.mjs';
 import { startServer } from './server.mjs';
 
-const BINARY = process.env.SPAO_SERVER ?? fileURLToPath(new URL('../../target/debug/spao-server', import.meta.url));
-const BROWSER = process.env.CHROMIUM ?? '/usr/bin/chromium';
-const BROWSER_ARGS = [
-  '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
-  '--disable-component-update', '--disable-sync',
-];
-/** Software rendering on a small machine needs patience. */
-const PATIENCE = { timeout: 60_000 };
-
-let browser;
-let server;
-let url;
-
-before(async () => {
-  if (process.env.SPAO_URL) {
-    url = process.env.SPAO_URL;
-  } else {
-    server = await startServer(BINARY, '127.0.0.1:0');
-    url = server.url;
-  }
-  browser = await chromium.launch({ executablePath: BROWSER, args: BROWSER_ARGS });
-});
-
-after(async () => {
-  await browser?.close();
-  await server?.stop();
-});
-
-/**
- * Opens the viewer, runs `body`, and fails on console errors, uncaught errors and requests to anywhere else.
- * `tolerated` are console errors that the test provokes: a server that is away.
- */
-async function withViewer(body, { hash = '', tolerated = null, address = url, ...options } = {}) {
-  const context = await browser.newContext({ viewport: { width: 900, height: 600 }, ...options });
-  const page = await context.newPage();
-  page.setDefaultTimeout(PATIENCE.timeout);
-  const faults = [];
-  page.on('console', (message) => {
-    if (message.type() === 'error' && !tolerated?.test(message.text())) faults.push(`console: ${message.text()}`);
-  });
-  page.on('pageerror', (error) => faults.push(`uncaught: ${error.stack ?? error}`));
-  const own = new URL(address).host;
-  page.on('request', (request) => {
-    const target = new URL(request.url());
-    if (!['blob:', 'data:'].includes(target.protocol) && target.host !== own) faults.push(`external: ${target}`);
-  });
-  page.on('websocket', (socket) => {
-    if (new URL(socket.url()).host !== own) faults.push(`external: ${socket.url()}`);
-  });
-  try {
-    await page.goto(`${address}/${hash}`);
-    await body(page);
-    assert.deepEqual(faults, []);
-  } finally {
-    await context.close();
-  }
-}
-
-/** Waits for the still, exact picture of the newest state. */
-async function settled(page) {
-  await page.locator('#stage[aria-busy=false]').waitFor(PATIENCE);
-}
-
-/** Does something that changes the picture, and waits until the change has come to rest. */
-async function changing(page, action) {
-  await page.evaluate(() => document.getElementById('stage').setAttribute('aria-busy', 'true'));
-  await action();
-  // The last input of an action is still on its way to the next animation frame.
-  await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
-  await settled(page);
-}
-
-/** Mean of red, green and blue over the canvas, and its pixels in coarse steps, for comparisons. */
-function readPicture(page) {
-  return page.evaluate(() => {
-    const canvas = /** @type {HTMLCanvasElement} */ (document.getElementById('picture'));
-    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
-    let sum = 0;
-    const coarse = [];
-    for (let i = 0; i < data.length; i += 4) {
-      sum += data[i] + data[i + 1] + data[i + 2];
-      if (i % 388 === 0) coarse.push(data[i]);
-    }
-    return { mean: sum / (data.length * 0.75), coarse, width: canvas.width, height: canvas.height };
-  });
-}
-
-/** Mean absolute difference of two pictures of one size. */
-function difference(a, b) {
-  assert.equal(a.coarse.length, b.coarse.length);
-  return a.coarse.reduce((sum, value, i) => sum + Math.abs(value - b.coarse[i]), 0) / a.coarse.length;
-}
-
-/** The page's scene, as the link in the address bar names it. */
-async function sceneOf(page) {
-  const id = new URLSearchParams(new URL(page.url()).hash.slice(1)).get('s');
-  const response = await page.request.get(`${new URL(page.url()).origin}/v1/scenes/${id}`);
-  assert.equal(response.status(), 200);
-  return response.json();
-}
-
-const section = async (page, id) => {
-  if (!(await page.locator(`#section-${id}`).getAttribute('open').then((open) => open !== null))) {
-    await page.click(`#section-${id} > summary h2`);
-  }
-};
-
-/** A fresh scene of the first volume, so that tests do not meet each other's edits. */
-async function freshScene(more = {}) {
-  const json = async (response) => {
-    assert.ok(response.ok, await response.clone().text());
-    return response.json();
-  };
-  const { volumes } = await json(await fetch(`${url}/v1/volumes`));
-  const body = JSON.stringify({ volume: volumes[0].id, ...more });
-  const scene = await json(await fetch(`${url}/v1/scenes`, { method: 'POST', headers: { 'content-type': 'application/json' }, body }));
-  return `#s=${scene.id}`;
-}
-
-/** A ball of bright voxels in the dark, as an NRRD file. */
-function smallNrrd(size = 24) {
-  const header = `NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${size} ${size} ${size}\nencoding: raw\nspacings: 1 1 1\n\n`;
-  const voxels = Buffer.alloc(size ** 3);
-  for (let i = 0; i < voxels.length; i += 1) {
-    const [x, y, z] = [i % size, Math.floor(i / size) % size, Math.floor(i / size ** 2)].map((at) => at - (size - 1) / 2);
-    voxels[i] = Math.hypot(x, y, z) < size * 0.4 ? 200 : 5;
-  }
-  return Buffer.concat([Buffer.from(header), voxels]);
-}
+useServer();
 
 test('the page shows the volume without errors and without asking anyone else', async () => {
   await withViewer(async (page) => {
@@ -252,19 +121,13 @@ test('ambient occlusion darkens the creases at a fixed exposure', async () => {
   }, { hash });
 });
 
-test('a file is uploaded and shown, and what is wrong with another is said', async () => {
+test('a server without files of its own says so', async () => {
   await withViewer(async (page) => {
     await settled(page);
-    const choose = (name, buffer) =>
-      page.locator('#panel input[type=file]').setInputFiles({ name, mimeType: 'application/octet-stream', buffer });
-    await changing(page, () => choose('small-ball.nrrd', smallNrrd()));
-    await page.waitForSelector('.volumes li.current:has-text("small-ball")');
-    assert.ok((await readPicture(page)).mean > 3);
-    await choose('not-a-volume.nrrd', Buffer.from('this is no volume'));
-    const failure = page.locator('.upload.failed');
-    await failure.waitFor();
-    assert.match(await failure.textContent(), /not-a-volume\.nrrd.+/);
-  }, { hash: await freshScene(), tolerated: /status of 4\d\d/ });
+    await page.click('#section-volumes .add-volume > button');
+    await page.locator('dialog label', { hasText: 'Server' }).click();
+    await page.locator('dialog').getByText('the server has no --data-dir').waitFor();
+  }, { hash: await freshScene(), tolerated: /status of 422/ });
 });
 
 test('a link brings its view to another browser', async () => {
@@ -292,13 +155,28 @@ test('a link to a scene that is gone makes it again', async () => {
     link = new URL(page.url()).hash;
   }, { hash: await freshScene() });
   const [, id] = link.match(/s=([^&]+)/);
-  assert.equal((await fetch(`${url}/v1/scenes/${id}`, { method: 'DELETE' })).status, 204);
+  assert.equal((await fetch(`${running.url}/v1/scenes/${id}`, { method: 'DELETE' })).status, 204);
   await withViewer(async (page) => {
     await settled(page);
     const scene = await sceneOf(page);
     assert.notEqual(scene.id, id);
     assert.equal(scene.transfer_function.points[0].value, -500);
   }, { hash: link, tolerated: /status of 404/ });
+});
+
+test('a scene whose volume was deleted is passed over', async () => {
+  const left = { id: 'left', revision: 1, volume: 'v_deleted' };
+  await withViewer(async (page) => {
+    await page.route(/\/v1\/scenes$/, async (route) => {
+      if (route.request().method() !== 'GET') return route.continue();
+      const { scenes } = await (await route.fetch()).json();
+      return route.fulfill({ json: { scenes: [left, ...scenes] } });
+    });
+    await page.goto('about:blank');
+    await page.goto(`${running.url}/`);
+    await settled(page);
+    assert.equal((await sceneOf(page)).id, 'default');
+  });
 });
 
 test('a link keeps its look where another scene has the same id', async () => {
@@ -398,13 +276,13 @@ for (const [kind, hashOfScene] of [['a scene of its own', freshScene], ['the def
       await settled(page);
       await changing(page, () => page.click('.preset:text-is("Bone")'));
       const before = await sceneOf(page);
-      await server.stop();
+      await running.server.stop();
       await page.locator('#banner').waitFor();
       assert.notEqual(await page.locator('#status').getAttribute('data-phase'), 'live');
       // Edited while the server is away: kept, and sent later.
       await section(page, 'scene');
       await page.locator('#section-scene input[type=color]').fill('#203040');
-      server = await startServer(BINARY, new URL(url).host);
+      await restartServer();
       await settled(page);
       assert.equal(await page.locator('#status').textContent(), 'Live');
       await page.getByText(/made again|as it was here/).waitFor();

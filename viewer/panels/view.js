@@ -1,7 +1,8 @@
 /** Where from and how large: this page's own view, not part of what is shared with others who look at the scene. */
 
-import { button, segments, slider } from '../controls.js';
+import { button, segments, slider, toggle } from '../controls.js';
 import { h } from '../dom.js';
+import { setOrientationShown } from '../orientation.js';
 import { preference, setPreference } from '../preferences.js';
 import { section } from './section.js';
 
@@ -32,6 +33,12 @@ export function viewPanel({ camera, picture, session }) {
   quality.set(initial);
   picture.setQuality(initial);
 
+  const orientation = toggle({
+    label: 'Orientation marker', hint: 'Which way is left, posterior and superior, in the corner of the picture',
+    onInput: setOrientationShown,
+  });
+  orientation.set(preference('orientation', 'yes') === 'yes');
+
   const refresh = () => {
     projection.set(camera.projection);
     fov.set(camera.fov);
@@ -39,5 +46,6 @@ export function viewPanel({ camera, picture, session }) {
   };
   camera.on('change', refresh);
   session.on('status', refresh);
-  return section('view', 'View', {}, h('div', { class: 'stack' }, directions, projection.element, fov.element, quality.element));
+  return section('view', 'View', {}, h('div', { class: 'stack' }, directions, projection.element, fov.element, quality.element,
+    orientation.element));
 }

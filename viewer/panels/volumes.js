@@ -1,8 +1,10 @@
-/** The volumes of the server: choose, upload, make, delete. */
+/** The volumes of the server: choose, open, make, look up, delete. */
 
 import { button, segments } from '../controls.js';
 import { formatBytes, formatNumber, h } from '../dom.js';
 import { icon } from '../icons.js';
+import { isAveraged } from '../information.js';
+import { loadsList } from './loads.js';
 import { section } from './section.js';
 
 /** Kinds of `source.procedural`, and what people call them. */
@@ -14,7 +16,8 @@ const PROCEDURAL = {
 /**
  * @typedef {Object} VolumeActions
  * @property {(volume: any) => void} choose
- * @property {(files: File[]) => void} uploadFiles
+ * @property {() => void} open data from anywhere
+ * @property {(volume: any) => void} about what is known of a volume
  * @property {(kind: string, size: number) => void} makeProcedural
  * @property {(volume: any) => void} remove
  */
@@ -28,29 +31,19 @@ export function volumesPanel({ library, session }, actions) {
   const refresh = () => list.replaceChildren(...library.volumes.map((volume) => entry(volume, session.volume, actions)));
   library.on('change', refresh);
   session.on('volume', refresh);
-  const progress = h('div', { class: 'uploads' });
-  library.on('upload', (row) => progress.append(row));
-  return section('volumes', 'Volumes', { open: true }, h('div', { class: 'stack' }, list, progress,
+  return section('volumes', 'Volumes', { open: true }, h('div', { class: 'stack' }, list, loadsList(library.loads),
     addButtons(actions)));
 }
 
 /**
- * A button for files and a menu of computed volumes; also the empty page has them.
+ * A button for data from anywhere and a menu of computed volumes; also the empty page has them.
  * @param {VolumeActions} actions
  * @param {boolean} [isFirst] whether there is nothing else to do
  */
 export function addButtons(actions, isFirst = false) {
-  const picker = h('input', {
-    type: 'file', multiple: true, hidden: true, 'aria-label': 'Volume files',
-    onchange: () => {
-      actions.uploadFiles([...picker.files]);
-      picker.value = '';
-    },
-  });
-  const open = button('', () => picker.click(), { class: isFirst ? 'button primary' : 'button' });
-  open.append(icon('upload'), 'Open file');
-  const menu = proceduralMenu(actions);
-  return h('div', { class: 'row add-volume' }, picker, open, menu);
+  const open = button('', () => actions.open(), { class: isFirst ? 'button primary' : 'button', 'aria-haspopup': 'dialog' });
+  open.append(icon('upload'), 'Open data…');
+  return h('div', { class: 'row add-volume' }, open, proceduralMenu(actions));
 }
 
 function proceduralMenu({ makeProcedural }) {
@@ -78,19 +71,23 @@ function proceduralMenu({ makeProcedural }) {
   return menu;
 }
 
-function entry(volume, current, { choose, remove }) {
+function entry(volume, current, { choose, about, remove }) {
   const isCurrent = volume.id === current?.id;
   // Taken off the GPU to make room: the next picture brings it back.
   const size = volume.state === 'evicted' ? 'in host memory' : formatBytes(volume.gpu_bytes);
-  const facts = `${volume.dims.join(' × ')} · ${volume.voxel_type} · ${size}`;
+  const facts = [volume.dims.join(' × '), volume.voxel_type, size, isAveraged(volume) && 'averaged'].filter(Boolean).join(' · ');
   const [low, high] = volume.value_range;
   const pick = h('button', {
     type: 'button', class: 'volume', 'aria-current': isCurrent ? 'true' : null,
     title: `Values ${formatNumber(low)} … ${formatNumber(high)}`, onclick: () => choose(volume),
   }, h('span', { class: 'name' }, volume.name), h('span', { class: 'facts-line' }, facts));
+  const info = h('button', {
+    type: 'button', class: volume.notes?.length > 0 ? 'icon-button about noted' : 'icon-button about', 'aria-label': `About ${volume.name}`, title: 'Information', 'aria-haspopup': 'dialog',
+    onclick: () => about(volume),
+  }, icon('info'));
   const drop = h('button', {
     type: 'button', class: 'icon-button', 'aria-label': `Delete ${volume.name}`, title: 'Delete from the server',
     onclick: () => remove(volume),
   }, icon('trash'));
-  return h('li', { class: isCurrent ? 'current' : null }, pick, drop);
+  return h('li', { class: isCurrent ? 'current' : null }, pick, info, drop);
 }

@@ -1,0 +1,73 @@
+/** Files that a person chose or dropped, sorted into volumes: slices of a series belong together. */
+
+/** A folder may hold many; more than this at once is a mistake, not a wish. */
+const MOST_VOLUMES = 20;
+/** Endings of files that hold a volume each. */
+const VOLUME = /\.(nrrd|nhdr|nii|mha|mhd|npy|npz|vti|tiff?|zip|tar|tgz|gz|zst|raw)$/i;
+const SLICE = /\.(dcm|dicom|ima)$/i;
+/** No ending, or the last number of a unique identifier. */
+const NAMELESS = /^[^.]+$|\.\d+$/;
+
+/**
+ * @typedef {{path: string, file: File}} Found `path` begins with the folder that was chosen
+ * @typedef {{name: string, file: File} | {name: string, slices: Found[]}} Group one volume
+ */
+
+/** @param {Iterable<File>} files of an input */
+export const found = (files) => [...files].map((file) => ({ path: file.webkitRelativePath || file.name, file }));
+
+/**
+ * What was dropped, with everything in folders.
+ * @param {DataTransfer} transfer read at once: it is empty after the event
+ * @returns {Promise<Found[]>}
+ */
+export async function foundInDrop(transfer) {
+  const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.() ?? null);
+  if (!entries.some((entry) => entry?.isDirectory)) return found(transfer.files);
+  const all = [];
+  for (const entry of entries) if (entry) await walk(entry, all);
+  return all;
+}
+
+/** @param {any} entry a FileSystemEntry @param {Found[]} all */
+async function walk(entry, all) {
+  const ask = (method, owner) => new Promise((resolve, reject) => owner[method](resolve, reject));
+  if (entry.isFile) {
+    all.push({ path: entry.fullPath.replace(/^\//, ''), file: await ask('file', entry) });
+    return;
+  }
+  const reader = entry.createReader();
+  // A reader tells a hundred at a time, and nothing at the end.
+  for (let some = await ask('readEntries', reader); some.length > 0; some = await ask('readEntries', reader)) {
+    for (const inner of some) await walk(inner, all);
+  }
+}
+
+/**
+ * One group for each volume. Of a folder, files of other kinds are passed over.
+ * @param {Found[]} files
+ * @returns {{groups: Group[], passedOver: number}}
+ * @throws {RangeError} if there are more volumes than one can mean
+ */
+export function groupFiles(files) {
+  const visible = files.filter(({ path }) => !path.split('/').some((part) => part.startsWith('.')));
+  const isSlice = ({ file }) => SLICE.test(file.name) || (NAMELESS.test(file.name) && !VOLUME.test(file.name));
+  const slices = visible.filter(isSlice);
+  const isMeant = ({ path, file }) => VOLUME.test(file.name) || !path.includes('/');
+  const alone = visible.filter((one) => !isSlice(one) && isMeant(one));
+  if (alone.length > MOST_VOLUMES) {
+    throw new RangeError(`these are ${alone.length} volumes; choose at most ${MOST_VOLUMES} at once, or pack the slices of one into a zip file`);
+  }
+  /** @type {Group[]} */
+  const groups = alone.map(({ file }) => ({ name: file.name, file }));
+  if (slices.length === 1) groups.push({ name: slices[0].file.name, file: slices[0].file });
+  else if (slices.length > 1) groups.push({ name: nameOf(slices), slices });
+  return { groups, passedOver: files.length - alone.length - slices.length };
+}
+
+/** The folder that slices lie in, else how many they are. @param {Found[]} slices */
+function nameOf(slices) {
+  const [folder] = slices[0].path.split('/');
+  const isFolder = slices.every(({ path }) => path.startsWith(`${folder}/`));
+  return isFolder ? folder : `${slices.length} slices`;
+}
