@@ -12,6 +12,7 @@ TESTS = HERE.parent / "tests"
 VOLUMES = TESTS / "it/volume/fixtures/files"
 DICOM = TESTS / "data/dicom"
 TIFF = TESTS / "data/tiff"
+ZARR = TESTS / "data/zarr"
 
 
 def seed(target, name, data):
@@ -59,6 +60,16 @@ def main():
         if len(tar) < 40_000:
             seed("dicom_archive", f"{file.stem}.tar", tar)
         seed("dicom_file", f"{file.stem}.dcm", files[len(files) // 2][1])
+    for file in sorted([*ZARR.glob("*.zip"), *ZARR.glob("*.tar")]):
+        # As tar: a mutated byte is no wrong checksum of a zip.
+        if file.suffix == ".tar" or file.name.startswith("ome"):
+            seed("zarr", file.name, file.read_bytes())
+        if file.suffix == ".zip":
+            with zipfile.ZipFile(file) as archive:
+                files = [(name, archive.read(name)) for name in archive.namelist()]
+            # Few chunks are as good as many, and metadata are found sooner among them.
+            metadata = [(name, data) for name, data in files if name.rsplit("/")[-1][0] in ".z"]
+            seed("zarr", f"{file.stem}.tar", as_tar(metadata + [f for f in files if f not in metadata][:4]))
     for file in sorted(TIFF.glob("*.tif")):
         seed("tiff", file.name, file.read_bytes())
 

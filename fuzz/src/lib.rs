@@ -31,8 +31,11 @@ pub fn check(format: Format, bytes: &[u8]) {
     {
         assert_sound(read(&Choice { series: Some("1".to_owned()), ..Choice::default() }));
     }
-    if let (Format::Tiff, Ok(_)) = (format, &result) {
+    if let (Format::Tiff | Format::Zarr, Ok(_)) = (format, &result) {
         assert_sound(read(&Choice { channel: Some(1), ..Choice::default() }));
+    }
+    if let (Format::Zarr, Ok(_)) = (format, &result) {
+        assert_sound(read(&Choice { scale: Some(1), ..Choice::default() }));
     }
     assert_sound(result);
 }

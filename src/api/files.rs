@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::AppState;
 use super::extract::QueryParams;
 use crate::error::ApiError;
-use crate::volume::{ListedFile, VolumeError, list_directory};
+use crate::volume::{ListedFile, Shape, VolumeError, list_directory};
 
 /// Entries of a page when the request names no number.
 const DEFAULT_LIMIT: usize = 100;
@@ -39,16 +39,20 @@ pub(super) async fn list(State(state): State<AppState>, mut query: QueryParams) 
 
 fn to_json(directory: &str, entry: &ListedFile) -> Value {
     let path = if directory.is_empty() { entry.name.clone() } else { format!("{directory}/{}", entry.name) };
-    let Some(bytes) = entry.bytes else {
-        return json!({ "kind": "directory", "name": entry.name, "path": path });
-    };
     let format = entry.format.map(|format| format.name());
-    let mut json = json!({ "kind": "file", "name": entry.name, "path": path, "bytes": bytes, "format": format });
+    let mut json = match (entry.bytes, format) {
+        (Some(bytes), _) => {
+            json!({ "kind": "file", "name": entry.name, "path": path, "bytes": bytes, "format": format })
+        }
+        (None, Some(_)) => json!({ "kind": "directory", "name": entry.name, "path": path, "format": format }),
+        (None, None) => json!({ "kind": "directory", "name": entry.name, "path": path }),
+    };
     match &entry.header {
         None => {}
-        Some(Ok((dims, voxel_type))) => {
+        Some(Ok(Shape { dims, voxel_type, spacing })) => {
             json["dims"] = json!(dims);
             json["voxel_type"] = json!(voxel_type);
+            json["spacing"] = json!(spacing);
         }
         Some(Err(error)) => json["error"] = json!(error),
     }

@@ -14,7 +14,7 @@ use super::extract::{QueryParams, is_json, read_body, read_json, typed};
 use crate::config::Limits;
 use crate::error::{ApiError, ErrorCode};
 use crate::session::{LoadPermit, VolumeSource};
-use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, VolumeError, VoxelType, bytes_needed};
+use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, Shape, VolumeError, VoxelType, bytes_needed};
 
 /// Longest name of a volume, in characters.
 const MAX_NAME: usize = 200;
@@ -39,9 +39,10 @@ impl UploadQuery {
         let (dims, voxel_type) = (query.text("dims")?, query.text("type")?);
         let (endian, spacing) = (query.text("endian")?, query.text("spacing")?);
         let series = query.text("series")?;
-        let channel = query.text("channel")?.map(|text| channel_number(&text)).transpose()?;
+        let channel = query.text("channel")?.map(|text| counted("channel", &text)).transpose()?;
+        let scale = query.text("scale")?.map(|text| counted("scale", &text)).transpose()?;
         query.finish()?;
-        let choice = Choice { series, channel };
+        let choice = Choice { series, channel, scale };
         let raw = match (&dims, &voxel_type) {
             (Some(dims), Some(kind)) => {
                 Some(RawSpec::parse(dims, kind, endian.as_deref(), spacing.as_deref()).map_err(in_query)?)
@@ -97,7 +98,7 @@ async fn plan(state: &AppState, source: VolumeSource, permit: LoadPermit) -> Res
     let limits = state.volume_limits();
     let blame = Blame::of(&source);
     let (peeked, _permit) = blocking(move || (source.peek(&limits), permit)).await?;
-    let (dims, voxel_type) = peeked.map_err(|error| blame.error(error))?;
+    let Shape { dims, voxel_type, .. } = peeked.map_err(|error| blame.error(error))?;
     let voxels = bytes_needed(dims, VoxelType::U8).unwrap_or(u64::MAX);
     let texel_bytes = match voxel_type.bytes() {
         1 => 1,
@@ -157,6 +158,7 @@ struct JsonSource {
     path: Option<String>,
     series: Option<String>,
     channel: Option<u32>,
+    scale: Option<u32>,
     url: Option<String>,
     procedural: Option<ProceduralSpec>,
 }
@@ -170,14 +172,14 @@ async fn from_json(
         return Err(ApiError::invalid("dims", "only for a body of voxels, not for JSON"));
     }
     if query.choice != Choice::default() {
-        return Err(ApiError::invalid("series", "goes with the path in JSON, as does `channel`"));
+        return Err(ApiError::invalid("series", "goes with the path in JSON, as do `channel` and `scale`"));
     }
     let JsonRequest { name, source } = typed(body)?;
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);
-    let JsonSource { path, series, channel, url, procedural } = source;
-    let choice = Choice { series, channel };
+    let JsonSource { path, series, channel, scale, url, procedural } = source;
+    let choice = Choice { series, channel, scale };
     if path.is_none() && url.is_none() && choice != Choice::default() {
-        return Err(ApiError::invalid("source.series", "goes with `path` or `url`, as does `channel`"));
+        return Err(ApiError::invalid("source.series", "goes with `path` or `url`, as do `channel` and `scale`"));
     }
     let source = match (path, url, procedural) {
         (Some(path), None, None) => VolumeSource::Path { path, choice, data_dir: data_dir(state)? },
@@ -230,12 +232,12 @@ impl Blame {
                 ApiError::invalid(&format!("source.procedural.{field}"), message)
             }
             (Self::Path, VolumeError::Malformed { field, message })
-                if matches!(field.as_str(), "path" | "series" | "channel") =>
+                if matches!(field.as_str(), "path" | "series" | "channel" | "scale") =>
             {
                 ApiError::invalid(&format!("source.{field}"), message)
             }
             (Self::Body, VolumeError::Malformed { field, message })
-                if matches!(field.as_str(), "series" | "channel") =>
+                if matches!(field.as_str(), "series" | "channel" | "scale") =>
             {
                 ApiError::invalid(&field, message)
             }
@@ -248,8 +250,8 @@ impl Blame {
     }
 }
 
-fn channel_number(text: &str) -> Result<u32, ApiError> {
-    text.parse().map_err(|_| ApiError::invalid("channel", "expected a whole number, counted from 0"))
+fn counted(name: &str, text: &str) -> Result<u32, ApiError> {
+    text.parse().map_err(|_| ApiError::invalid(name, "expected a whole number, counted from 0"))
 }
 
 /// A query parameter is invalid where a file is malformed.

@@ -9,7 +9,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::volumes::NewVolume;
 use crate::error::ApiError;
 use crate::volume::format::{bare_name, load_chosen, peek_chosen, read_chosen};
-use crate::volume::{Choice, Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType};
+use crate::volume::{Choice, Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Shape, Volume, VolumeError};
 
 /// Bins that a scene's defaults are derived from.
 const FACT_BINS: u32 = 256;
@@ -98,6 +98,9 @@ impl VolumeSource {
                 if let Some(channel) = choice.channel {
                     json["channel"] = json!(channel);
                 }
+                if let Some(scale) = choice.scale {
+                    json["scale"] = json!(scale);
+                }
                 json
             }
             Self::Procedural(spec) => json!({ "procedural": spec }),
@@ -121,17 +124,18 @@ impl VolumeSource {
     ///
     /// # Errors
     /// What is wrong with the source, as far as it was looked at.
-    pub fn peek(&self, limits: &Limits) -> Result<([u32; 3], VoxelType), VolumeError> {
-        let (dims, voxel_type) = match self {
+    pub fn peek(&self, limits: &Limits) -> Result<Shape, VolumeError> {
+        let shape = match self {
             Self::Upload { .. } | Self::Fetched { .. } => {
                 let volume = self.load(limits)?;
-                (volume.grid.dims, volume.voxels.voxel_type())
+                let (dims, spacing) = (volume.grid.dims, Some(volume.grid.spacing.to_array()));
+                Shape { dims, voxel_type: volume.voxels.voxel_type(), spacing }
             }
-            Self::Path { path, choice, data_dir } => peek_chosen(path, data_dir, None, choice)?,
-            Self::Procedural(spec) => (spec.dims, spec.voxel_type()),
+            Self::Path { path, choice, data_dir } => peek_chosen(path, data_dir, None, choice, limits)?,
+            Self::Procedural(spec) => Shape { dims: spec.dims, voxel_type: spec.voxel_type(), spacing: spec.spacing },
         };
-        limits.check("dims", dims, voxel_type)?;
-        Ok((dims, voxel_type))
+        limits.check("dims", shape.dims, shape.voxel_type)?;
+        Ok(shape)
     }
 
     /// [`VolumeSource::load`], and all that is derived from the voxels.
@@ -152,7 +156,7 @@ impl VolumeSource {
     }
 }
 
-/// `FILE`, `FILE#series=NAME` or `FILE#channel=NUMBER`; a file that is really called so is meant itself.
+/// `FILE`, `FILE#series=NAME` or `FILE#channel=NUMBER` or `FILE#scale=NUMBER`; a file that is really called so is meant itself.
 fn file_and_choice(argument: &str) -> Result<(&str, Choice), VolumeError> {
     let mut choice = Choice::default();
     match argument.rsplit_once('#') {
@@ -160,10 +164,9 @@ fn file_and_choice(argument: &str) -> Result<(&str, Choice), VolumeError> {
             if let Some(series) = which.strip_prefix("series=") {
                 choice.series = Some(series.to_owned());
             } else if let Some(channel) = which.strip_prefix("channel=") {
-                choice.channel = Some(channel.parse().map_err(|_| VolumeError::Malformed {
-                    field: "channel".into(),
-                    message: format!("`{channel}` is not a whole number, counted from 0"),
-                })?);
+                choice.channel = Some(counted("channel", channel)?);
+            } else if let Some(scale) = which.strip_prefix("scale=") {
+                choice.scale = Some(counted("scale", scale)?);
             } else {
                 return Ok((argument, choice));
             }
@@ -171,6 +174,13 @@ fn file_and_choice(argument: &str) -> Result<(&str, Choice), VolumeError> {
         }
         _ => Ok((argument, choice)),
     }
+}
+
+fn counted(field: &str, number: &str) -> Result<u32, VolumeError> {
+    number.parse().map_err(|_| VolumeError::Malformed {
+        field: field.into(),
+        message: format!("`{number}` is not a whole number, counted from 0"),
+    })
 }
 
 /// `KIND:SIZE` or `KIND:X,Y,Z`: voxels along every axis, or along each.

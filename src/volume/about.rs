@@ -1,13 +1,16 @@
 //! What a file says besides voxels and geometry, and what its reader has to say about it.
 
+use std::collections::BTreeSet;
+
 /// Most fields of a header that are kept.
 const MAX_FIELDS: usize = 500;
 
 /// Longest value of a field that is kept, in characters.
 const MAX_VALUE: usize = 1000;
 
-/// Fields that say how voxels are stored and where they are, by their names in lower case, over all formats. No others
-/// are technical: free text and names of files may name a patient.
+/// Fields that say how voxels are stored and where they are, by their names in lower case, over all formats whose
+/// headers are text with names of any kind. No others of theirs are technical: free text and names of files may name a
+/// patient. Readers that know each of their fields say so themselves ([`About::technical_field`]).
 const TECHNICAL: &[&str] = &[
     // NRRD
     "axis maxs",
@@ -114,14 +117,18 @@ pub struct About {
     pub header: Vec<(String, String)>,
     /// What people should know: one sentence each, such as "2 slices are missing".
     pub notes: Vec<String>,
+    /// Which fields of the header their reader knows to be technical, by their number.
+    pub(super) technical: BTreeSet<usize>,
 }
 
 impl About {
     /// The fields of the header that cannot name a patient, and how many others there are. Whatever is not known to be
     /// technical is among the others.
     pub fn without_identity(&self) -> (Vec<&(String, String)>, usize) {
-        let technical = |name: &str| TECHNICAL.contains(&name.to_ascii_lowercase().as_str());
-        let shown: Vec<_> = self.header.iter().filter(|(name, _)| technical(name)).collect();
+        let technical = |(index, (name, _)): &(usize, &(String, String))| {
+            self.technical.contains(index) || TECHNICAL.contains(&name.to_ascii_lowercase().as_str())
+        };
+        let shown: Vec<_> = self.header.iter().enumerate().filter(technical).map(|(_, field)| field).collect();
         let withheld = self.header.len() - shown.len();
         (shown, withheld)
     }
@@ -130,6 +137,15 @@ impl About {
     pub(super) fn field(&mut self, name: &str, value: impl AsRef<str>) {
         if self.header.len() < MAX_FIELDS {
             self.header.push((plain(name), plain(value.as_ref())));
+        }
+    }
+
+    /// [`About::field`] of which the reader knows that it cannot name a patient, whatever its value.
+    pub(super) fn technical_field(&mut self, name: &str, value: impl AsRef<str>) {
+        let index = self.header.len();
+        self.field(name, value);
+        if self.header.len() > index {
+            self.technical.insert(index);
         }
     }
 

@@ -180,7 +180,7 @@ fn check_count(count: usize) -> Result<(), VolumeError> {
 }
 
 /// Nothing is written where a name points, but a name that points outside is no accident.
-fn check_name(name: &str) -> Result<(), VolumeError> {
+pub(super) fn check_name(name: &str) -> Result<(), VolumeError> {
     let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
     if Path::new(name).components().all(plain) && !name.split('\\').any(|part| part == "..") {
         Ok(())
@@ -190,7 +190,7 @@ fn check_name(name: &str) -> Result<(), VolumeError> {
     }
 }
 
-fn zip_error(error: ZipError) -> VolumeError {
+pub(super) fn zip_error(error: ZipError) -> VolumeError {
     match error {
         ZipError::Io(e) => tar_error(e),
         ZipError::CompressionMethodNotSupported(_) => {
@@ -202,7 +202,7 @@ fn zip_error(error: ZipError) -> VolumeError {
 }
 
 /// What is not the system's fault is the archive's.
-fn tar_error(error: io::Error) -> VolumeError {
+pub(super) fn tar_error(error: io::Error) -> VolumeError {
     if error.raw_os_error().is_some() {
         VolumeError::io("archive", error)
     } else {

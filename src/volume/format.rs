@@ -6,7 +6,7 @@ use super::error::excerpt;
 use super::formats::{NOT_READ, Row, TABLE};
 use super::input::{Choice, Input, Siblings, Source};
 use super::wrap::{Wrapping, unwrapped_name};
-use super::{Limits, RawSpec, Volume, VolumeError, VoxelType, paths};
+use super::{Limits, RawSpec, Shape, Volume, VolumeError, paths, zarr};
 
 /// A file format that is read. Any file may be wrapped in gzip or Zstandard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +27,8 @@ pub enum Format {
     Dicom,
     /// TIFF stack, plain, of ImageJ or of OME.
     Tiff,
+    /// OME-Zarr image or plain Zarr array: a folder (by path), or a zip or tar of one.
+    Zarr,
     /// Voxels alone; a [`RawSpec`] says what they are.
     Raw,
 }
@@ -60,13 +62,16 @@ impl Format {
     }
 
     /// The format of an upload: by the parameter `format`, else by its content type, else by its first bytes, which
-    /// may be wrapped.
+    /// may be wrapped; of an archive, by what is in it.
     ///
     /// # Errors
     /// Unsupported `format` if it is none that is read; names it where it can.
-    pub fn detect(name: Option<&str>, content_type: Option<&str>, first_bytes: &[u8]) -> Result<Self, VolumeError> {
+    pub fn detect(name: Option<&str>, content_type: Option<&str>, bytes: &[u8]) -> Result<Self, VolumeError> {
+        let limits = Limits::default();
+        let mut input = Input::new("format", Source::Bytes(bytes), None, &limits)?;
         if let Some(name) = name {
-            return Self::from_name(name);
+            let format = Self::from_name(name)?;
+            return Ok(if name == format.name() { format } else { format.of_archive(&mut input) });
         }
         // `application/x-nrrd; version=5` -> `nrrd`
         let subtype = content_type.and_then(|t| t.split(';').next()).and_then(|t| t.split('/').nth(1));
@@ -76,30 +81,41 @@ impl Format {
             |row| row.name == subtype || row.content_types.contains(&subtype.as_str()),
             |endings| endings.contains(&subtype.as_str()),
         );
-        if let Some(format) = by_type {
-            return format;
-        }
-        let limits = Limits::default();
-        let head = Input::new("format", Source::Bytes(first_bytes), None, &limits)?.head()?;
-        by_magic(&head).unwrap_or_else(|| Err(unrecognised("content type or first bytes", &head)))
+        let head = input.head()?;
+        let format = by_type.or_else(|| by_magic(&head));
+        let format = format.unwrap_or_else(|| Err(unrecognised("content type or first bytes", &head)))?;
+        Ok(format.of_archive(&mut input))
+    }
+
+    /// What an archive that might be of DICOM files is really of.
+    fn of_archive(self, input: &mut Input) -> Self {
+        if self == Self::Dicom && zarr::is_zarr(input) { Self::Zarr } else { self }
     }
 
     /// The format of a file that was fetched: by the end of its name, else as that of an upload.
     ///
     /// # Errors
     /// As [`Self::detect`].
-    pub fn of_fetched(name: &str, content_type: Option<&str>, first_bytes: &[u8]) -> Result<Self, VolumeError> {
-        by_ending(name).unwrap_or_else(|| Self::detect(None, content_type, first_bytes))
+    pub fn of_fetched(name: &str, content_type: Option<&str>, bytes: &[u8]) -> Result<Self, VolumeError> {
+        let Some(format) = by_ending(name) else { return Self::detect(None, content_type, bytes) };
+        let limits = Limits::default();
+        Ok(format?.of_archive(&mut Input::new("format", Source::Bytes(bytes), None, &limits)?))
     }
 
     /// By the end of a file's name, else by its first bytes.
     fn of_file(path: &Path, input: &mut Input) -> Result<Self, VolumeError> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if let Some(format) = by_ending(&name) {
-            return format;
+        if input.folder().is_some() {
+            return Ok(Self::Dicom.of_archive(input));
         }
-        let head = input.head()?;
-        by_magic(&head).unwrap_or_else(|| Err(unrecognised("file name or first bytes", &head)))
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let format = match by_ending(&name) {
+            Some(format) => format,
+            None => {
+                let head = input.head()?;
+                by_magic(&head).unwrap_or_else(|| Err(unrecognised("file name or first bytes", &head)))
+            }
+        };
+        Ok(format?.of_archive(input))
     }
 }
 
@@ -164,7 +180,7 @@ pub fn read_bytes(bytes: &[u8], format: Format, raw: Option<&RawSpec>, limits: &
 /// [`read_bytes`] of a file with several volumes.
 ///
 /// # Errors
-/// As [`read_bytes`]; names `series` or `channel` if the choice is none of those in the file.
+/// As [`read_bytes`]; names `series`, `channel` or `scale` if the choice is none of those in the file.
 pub fn read_chosen(
     bytes: &[u8],
     format: Format,
@@ -188,7 +204,7 @@ pub fn load_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>, limits: &Li
 /// [`load_path`] of a file with several volumes, or a folder of files.
 ///
 /// # Errors
-/// As [`load_path`]; names `series` or `channel` if the choice is none of those in the file.
+/// As [`load_path`]; names `series`, `channel` or `scale` if the choice is none of those in the file.
 pub fn load_chosen(
     path: &str,
     data_dir: &Path,
@@ -199,15 +215,16 @@ pub fn load_chosen(
     with_path(path, data_dir, raw, choice, limits, read)
 }
 
-/// Dims and type of the volume in a file, without its voxels: what a dry run needs.
+/// Dims, type and spacing of the volume in a file, without its voxels.
 ///
 /// # Errors
 /// As [`load_path`], as far as the header goes.
-pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<([u32; 3], VoxelType), VolumeError> {
-    peek_chosen(path, data_dir, raw, &Choice::default())
+pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<Shape, VolumeError> {
+    peek_chosen(path, data_dir, raw, &Choice::default(), &Limits::default())
 }
 
-/// [`peek_path`] of a file with several volumes, or a folder of files.
+/// [`peek_path`] of a file with several volumes, or a folder of files: what a dry run needs. Of several levels of
+/// detail it is the one that would be read within the limits.
 ///
 /// # Errors
 /// As [`load_chosen`], as far as the header goes.
@@ -216,24 +233,28 @@ pub fn peek_chosen(
     data_dir: &Path,
     raw: Option<&RawSpec>,
     choice: &Choice,
-) -> Result<([u32; 3], VoxelType), VolumeError> {
+    limits: &Limits,
+) -> Result<Shape, VolumeError> {
     let peek = |mut input: Input, format: Format| {
         check_choice(&input.choice, format)?;
         (format.row().peek)(&mut input)
     };
-    with_path(path, data_dir, raw, choice, &Limits::default(), peek)
+    with_path(path, data_dir, raw, choice, limits, peek)
 }
 
 /// Refuses a choice where there is nothing to choose.
 fn check_choice(choice: &Choice, format: Format) -> Result<(), VolumeError> {
-    let only = |field: &str, kind: Format| {
-        VolumeError::malformed(field, format!("only `{}` has it, and this is `{}`", kind.name(), format.name()))
-    };
-    if choice.series.is_some() && format != Format::Dicom {
-        return Err(only("series", Format::Dicom));
-    }
-    if choice.channel.is_some() && format != Format::Tiff {
-        return Err(only("channel", Format::Tiff));
+    let choices: [(&str, bool, &[Format]); 3] = [
+        ("series", choice.series.is_some(), &[Format::Dicom]),
+        ("channel", choice.channel.is_some(), &[Format::Tiff, Format::Zarr]),
+        ("scale", choice.scale.is_some(), &[Format::Zarr]),
+    ];
+    for (field, is_chosen, formats) in choices {
+        if is_chosen && !formats.contains(&format) {
+            let names: Vec<_> = formats.iter().map(|format| format!("`{}`", format.name())).collect();
+            let message = format!("only {} has it, and this is `{}`", names.join(" or "), format.name());
+            return Err(VolumeError::malformed(field, message));
+        }
     }
     Ok(())
 }
@@ -262,7 +283,7 @@ fn with_path<T>(
     let source = if is_folder { Source::Folder(path.clone()) } else { Source::File(paths::open(&path, "path")?.0) };
     let mut input = Input::new("path", source, raw, limits)?;
     input.choice = choice.clone();
-    let format = if is_folder { Format::Dicom } else { Format::of_file(&path, &mut input)? };
+    let format = Format::of_file(&path, &mut input)?;
     input.siblings = Some(Siblings { root: data_dir, directory: path.parent().unwrap_or(data_dir) });
     work(input, format)
 }

@@ -2,10 +2,8 @@
 
 use super::format::unknown;
 use super::input::Input;
-use super::{Format, Volume, VolumeError, VoxelType, archive, dicom, metaimage, nifti, npy, nrrd, raw, tiff, vti};
-
-/// Dims and voxel type.
-type Shape = ([u32; 3], VoxelType);
+use super::{Format, Shape, Volume, VolumeError};
+use super::{archive, dicom, metaimage, nifti, npy, nrrd, raw, tiff, vti, zarr};
 
 /// A format that is read.
 pub(super) struct Row {
@@ -20,7 +18,7 @@ pub(super) struct Row {
     pub(super) magic: fn(&[u8]) -> bool,
     /// Reads the volume.
     pub(super) read: fn(&mut Input) -> Result<Volume, VolumeError>,
-    /// Dims and type of the volume, from as little of the file as says so.
+    /// Dims, type and spacing of the volume, from as little of the file as says so.
     pub(super) peek: fn(&mut Input) -> Result<Shape, VolumeError>,
 }
 
@@ -79,6 +77,17 @@ pub(super) const TABLE: &[Row] = &[
         magic: vti::magic,
         read: vti::read_input,
         peek: vti::peek_input,
+    },
+    // Before DICOM, whose archives have some of the same endings; archives without them are told apart by what is in
+    // them (`Format::of_archive`).
+    Row {
+        format: Format::Zarr,
+        name: "zarr",
+        endings: &["ome.zarr", "zarr", "ome.zarr.zip", "zarr.zip", "ome.zarr.tar", "zarr.tar", "ozx"],
+        content_types: &["ozx"],
+        magic: |_| false,
+        read: zarr::read_input,
+        peek: zarr::peek_input,
     },
     Row {
         format: Format::Dicom,
@@ -152,6 +161,11 @@ pub(super) const NOT_READ: &[NotRead] = &[
         endings: &["vtk"],
         magic: |h| at(h, 0, b"# vtk DataFile"),
         advice: ": write it as .vti (XML image data)",
+    },
+    NotRead {
+        endings: &["pvti"],
+        magic: |_| false,
+        advice: ": it only names others; write the image as one .vti file",
     },
     NotRead {
         endings: &["vtu", "vtp", "vtr", "vts"],

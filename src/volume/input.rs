@@ -39,6 +39,8 @@ pub struct Choice {
     pub series: Option<String>,
     /// Of a microscope's file: the number of the channel, from 0.
     pub channel: Option<u32>,
+    /// Of an image at several levels of detail: the number of the level, 0 being the full resolution.
+    pub scale: Option<u32>,
 }
 
 /// Bytes of a file for each byte of the largest volume: a number of eight bytes may be written in 32 characters.

@@ -4,7 +4,7 @@ use std::fs::DirEntry;
 use std::path::Path;
 
 use super::format::{by_ending, peek_path};
-use super::{Format, VolumeError, VoxelType, paths};
+use super::{Format, Shape, VolumeError, paths};
 
 /// Most entries of one directory that are looked at.
 const MAX_ENTRIES: usize = 100_000;
@@ -25,10 +25,10 @@ pub struct ListedFile {
     pub name: String,
     /// Bytes of a file; `None` for a directory.
     pub bytes: Option<u64>,
-    /// By the end of its name, if that says so.
+    /// By the end of its name, if that says so; of a directory, if it is a volume as a whole.
     pub format: Option<Format>,
-    /// Dims and type by its header, or what is wrong with it; `None` where nobody asked.
-    pub header: Option<Result<([u32; 3], VoxelType), String>>,
+    /// What its header says, or what is wrong with it; `None` where nobody asked.
+    pub header: Option<Result<Shape, String>>,
 }
 
 /// Lists at most `limit` entries of a directory below `data_dir`, `""` being that one, whose names come after `after`.
@@ -70,7 +70,7 @@ pub fn list_directory(
     let mut entries: Vec<ListedFile> = found.by_ref().take(limit).collect();
     let more = found.next().is_some();
     if with_headers {
-        for entry in entries.iter_mut().filter(|entry| entry.bytes.is_some()) {
+        for entry in entries.iter_mut().filter(|entry| entry.bytes.is_some() || entry.format.is_some()) {
             let file = Path::new(path).join(&entry.name);
             // Both parts were text.
             entry.header = file.to_str().map(|file| peek_path(file, data_dir, None).map_err(|error| told(&error)));
@@ -87,7 +87,9 @@ fn listed(name: String, entry: &DirEntry, root: &Path) -> Option<ListedFile> {
         return None;
     }
     let bytes = metadata.is_file().then_some(metadata.len());
-    let format = bytes.and(by_ending(&name)).and_then(Result::ok);
+    let format = by_ending(&name).and_then(Result::ok);
+    // A folder may be called anything; those of Zarr are called so by all who write them.
+    let format = format.filter(|format| bytes.is_some() || *format == Format::Zarr);
     Some(ListedFile { name, bytes, format, header: None })
 }
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::error::excerpt;
 use super::input::Input;
 use super::voxels::data_error;
-use super::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, bytes_needed};
+use super::{Endian, Grid, Limits, Shape, Volume, VolumeError, VoxelType, Voxels, bytes_needed};
 
 /// What a headerless file holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,8 +85,8 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     spec.read(&mut stream.reader, stream.length, limits)
 }
 
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
-    required(input.raw).map(|raw| (raw.dims, raw.voxel_type))
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
+    required(input.raw).map(|raw| Shape { dims: raw.dims, voxel_type: raw.voxel_type, spacing: Some(raw.spacing) })
 }
 
 fn required(raw: Option<&RawSpec>) -> Result<&RawSpec, VolumeError> {

@@ -158,6 +158,21 @@ impl Voxels {
         with_voxels!(self, v => append(v, field, reader, count, endian))
     }
 
+    /// Copies voxels of the same type over those from `to` on. Panics beyond either's `len`.
+    pub(super) fn copy_row(&mut self, to: usize, from: &Self, range: Range<usize>) {
+        macro_rules! copy {
+            ($($variant:ident),*) => {
+                match (self, from) {
+                    $((Self::$variant(to_all), Self::$variant(all)) => {
+                        to_all[to..to + range.len()].copy_from_slice(&all[range]);
+                    })*
+                    _ => unreachable!("both are of one type"),
+                }
+            };
+        }
+        copy!(U8, I8, U16, I16, U32, I32, U64, I64, F32, F64);
+    }
+
     /// Number of voxels.
     pub fn len(&self) -> usize {
         with_voxels!(self, v => v.len())
@@ -280,7 +295,7 @@ pub(super) fn data_error(field: &str, error: io::Error) -> VolumeError {
     VolumeError::malformed(field, format!("corrupt compressed data: {error}"))
 }
 
-fn reverse_each(bytes: &mut [u8], size: usize) {
+pub(super) fn reverse_each(bytes: &mut [u8], size: usize) {
     if size > 1 {
         bytes.chunks_exact_mut(size).for_each(<[u8]>::reverse);
     }

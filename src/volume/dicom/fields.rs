@@ -132,10 +132,10 @@ pub(super) fn representation(tag: Tag) -> Option<Vr> {
     field(tag).map(|&(_, vr, _, _)| vr)
 }
 
-/// Keyword and representation of an element that may be shown.
-pub(super) fn shown(tag: Tag, keep_identity: bool) -> Option<(&'static str, Vr)> {
+/// Keyword and representation of an element that may be shown, and whether everyone may see it.
+pub(super) fn shown(tag: Tag) -> Option<(&'static str, Vr, bool)> {
     let &(_, vr, keyword, shown) = field(tag)?;
-    (shown == Always || (shown == Identity && keep_identity)).then_some((keyword, vr))
+    (shown != Never).then_some((keyword, vr, shown == Always))
 }
 
 /// Keyword of a kept element.

@@ -2,21 +2,25 @@
 
 use super::dataset::{Dataset, Value};
 use super::fields::{Vr, shown};
+use crate::volume::About;
 
-/// The elements that may be shown, with their values as text.
+/// Keeps the elements that may be shown, with their values as text.
 ///
-/// Unless `keep_identity`, what names or places the patient is left out, as the basic profile of PS3.15 table E.1-1
-/// has it: names, numbers, dates, addresses, physicians, institutions, free text, unique identifiers. Private elements
-/// are never shown.
-pub(super) fn header(dataset: &Dataset, keep_identity: bool) -> Vec<(String, String)> {
-    let elements = dataset.elements.iter().filter_map(|(tag, value)| {
-        let (keyword, vr) = shown(*tag, keep_identity)?;
+/// Those that name or place nobody by the basic profile of PS3.15 table E.1-1 are technical. The others that are kept
+/// (names, numbers, dates, addresses, physicians, institutions, free text, unique identifiers) are not. Private
+/// elements are never kept.
+pub(super) fn keep(dataset: &Dataset, about: &mut About) {
+    for (tag, value) in &dataset.elements {
+        let Some((keyword, vr, technical)) = shown(*tag) else { continue };
         let text = match (value, vr) {
-            (Value::Bytes(..), Vr::Us) => dataset.short(*tag)?.to_string(),
-            (Value::Bytes(..), _) => dataset.text(*tag)?,
-            (Value::Items(_), _) => return None,
+            (Value::Bytes(..), Vr::Us) => dataset.short(*tag).map(|number| number.to_string()),
+            (Value::Bytes(..), _) => dataset.text(*tag),
+            (Value::Items(_), _) => None,
         };
-        Some((keyword.to_owned(), text))
-    });
-    elements.collect()
+        match text {
+            Some(text) if technical => about.technical_field(keyword, text),
+            Some(text) => about.field(keyword, text),
+            None => {}
+        }
+    }
 }

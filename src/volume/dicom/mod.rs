@@ -15,6 +15,7 @@ mod dataset;
 mod fields;
 mod header;
 mod image;
+mod jpeg2000;
 mod parser;
 mod pixels;
 mod rle;
@@ -31,7 +32,7 @@ use target::Target;
 use super::archive::Files;
 use super::error::excerpt;
 use super::input::Input;
-use super::{About, Grid, Limits, Volume, VolumeError, VoxelType};
+use super::{About, Grid, Limits, Shape, Volume, VolumeError, VoxelType};
 
 /// Most slices of all series together.
 const MAX_SLICES: usize = 1 << 17;
@@ -50,9 +51,9 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
 ///
 /// # Errors
 /// As [`read_input`], as far as headers go.
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let (series, limits) = (input.choice.series.clone(), input.limits);
-    plan(&mut Files::open(input)?, series.as_deref(), limits).map(|plan| (plan.grid.dims, plan.voxel_type))
+    plan(&mut Files::open(input)?, series.as_deref(), limits).map(|plan| Shape::of(&plan.grid, plan.voxel_type))
 }
 
 /// What headers say: everything but the voxels.
@@ -153,7 +154,7 @@ fn load(mut files: Files, choice: Option<&str>, limits: &Limits) -> Result<Volum
     let mut places: Vec<(usize, u32, usize)> = slices.iter().enumerate().map(|(k, s)| (s.file, s.frame, k)).collect();
     places.sort_unstable();
     let mut target = Target::new(voxel_type, voxel_count, voxel_count / slices.len());
-    let mut header = Vec::new();
+    let mut about = About { patient_axes, notes, ..About::default() };
     files.visit(&mut |index, name, reader| {
         let start = places.partition_point(|&(file, ..)| file < index);
         if places.get(start).is_none_or(|&(file, ..)| file != index) {
@@ -165,7 +166,7 @@ fn load(mut files: Files, choice: Option<&str>, limits: &Limits) -> Result<Volum
             };
             let image = Image::new(&parsed, index, limits)?;
             if slices[0].file == index {
-                header = header::header(&parsed.dataset, false);
+                header::keep(&parsed.dataset, &mut about);
             }
             let Some(voxels) = parsed.voxels.take() else {
                 return Err(VolumeError::malformed("PixelData", "missing"));
@@ -180,8 +181,6 @@ fn load(mut files: Files, choice: Option<&str>, limits: &Limits) -> Result<Volum
         };
         fill().map_err(|error| in_file(error, name))
     })?;
-    let mut about = About { patient_axes, notes, ..About::default() };
-    header.iter().for_each(|(name, value): &(String, String)| about.field(name, value));
     Ok(Volume::new(grid, target.finish())?.with_about(about))
 }
 

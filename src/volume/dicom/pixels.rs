@@ -6,8 +6,8 @@ use jpeg_decoder::{Decoder, PixelFormat, UnsupportedFeature};
 
 use super::image::{Image, Layout, Samples};
 use super::parser::{ITEM, PixelElement, SEQUENCE_END, UNDEFINED};
-use super::rle;
 use super::syntax::Packing;
+use super::{jpeg2000, rle};
 use crate::volume::voxels::data_error;
 use crate::volume::{Endian, VolumeError};
 
@@ -77,7 +77,12 @@ fn each_encapsulated(
 ) -> Result<(), VolumeError> {
     // No packing makes a frame that much larger; more would be kept in memory for nothing.
     let most = image.layout.frame_bytes() as u64 * 2 + (1 << 16);
-    let is_jpeg = image.layout.syntax.packing == Packing::Jpeg;
+    // With which mark each frame begins, where frames may be in several fragments.
+    let start: &[u8] = match image.layout.syntax.packing {
+        Packing::Jpeg => &[0xFF, 0xD8],
+        Packing::Jpeg2000 => &jpeg2000::START,
+        _ => &[],
+    };
     let mut fragments = Fragments { reader: voxels.reader };
     // The first holds the offsets of frames; they are known by their own marks.
     fragments.next(&mut Vec::new(), u64::from(image.frames) * 4 + 64)?;
@@ -85,8 +90,7 @@ fn each_encapsulated(
     loop {
         fragment.clear();
         let more = fragments.next(&mut fragment, most)?;
-        // A JPEG may be in several fragments; each begins with the mark "start of image".
-        let begins = !is_jpeg || fragment.starts_with(&[0xFF, 0xD8]);
+        let begins = fragment.starts_with(start);
         let whole = !more || (image.frames > 1 && begins);
         if whole && !packed.is_empty() && frame < image.frames {
             each(frame, &packed)?;
@@ -140,6 +144,10 @@ fn unpack(layout: &Layout, packed: &[u8], values: &mut Vec<f64>) -> Result<(), V
             stored_values(layout, &bytes, Endian::Little, values);
         }
         Packing::Jpeg => unpack_jpeg(layout, packed, values)?,
+        Packing::Jpeg2000 => {
+            let bytes = jpeg2000::decode(layout, packed)?;
+            stored_values(layout, &bytes, Endian::Little, values);
+        }
         Packing::Native | Packing::Encapsulated | Packing::NotRead(_) => {
             if packed.len() < layout.frame_bytes() {
                 return Err(truncated());

@@ -27,6 +27,8 @@ pub(super) enum Packing {
     Rle,
     /// JPEG, lossless or not.
     Jpeg,
+    /// JPEG 2000, lossless or not.
+    Jpeg2000,
     /// Something that is not read, by its name.
     NotRead(&'static str),
 }
@@ -55,13 +57,11 @@ pub(super) fn from_uid(uid: &str) -> Result<Syntax, VolumeError> {
             packed(Packing::Jpeg)
         }
         "1.2.840.10008.1.2.4.80" | "1.2.840.10008.1.2.4.81" => packed(Packing::NotRead("JPEG-LS")),
-        "1.2.840.10008.1.2.4.90"
-        | "1.2.840.10008.1.2.4.91"
-        | "1.2.840.10008.1.2.4.92"
-        | "1.2.840.10008.1.2.4.93"
-        | "1.2.840.10008.1.2.4.201"
-        | "1.2.840.10008.1.2.4.202"
-        | "1.2.840.10008.1.2.4.203" => packed(Packing::NotRead("JPEG 2000")),
+        "1.2.840.10008.1.2.4.90" | "1.2.840.10008.1.2.4.91" => packed(Packing::Jpeg2000),
+        "1.2.840.10008.1.2.4.92" | "1.2.840.10008.1.2.4.93" => packed(Packing::NotRead("JPEG 2000 part 2")),
+        "1.2.840.10008.1.2.4.201" | "1.2.840.10008.1.2.4.202" | "1.2.840.10008.1.2.4.203" => {
+            packed(Packing::NotRead("High-Throughput JPEG 2000"))
+        }
         "1.2.840.10008.1.2.4.110" | "1.2.840.10008.1.2.4.111" | "1.2.840.10008.1.2.4.112" => {
             packed(Packing::NotRead("JPEG XL"))
         }
@@ -74,4 +74,4 @@ pub(super) fn from_uid(uid: &str) -> Result<Syntax, VolumeError> {
 }
 
 /// What is read, for messages.
-pub(super) const EXPECTED: &str = "expected uncompressed voxels, RLE or JPEG (baseline or lossless)";
+pub(super) const EXPECTED: &str = "expected uncompressed voxels, RLE, JPEG (baseline or lossless) or JPEG 2000";

@@ -16,7 +16,7 @@ use header::{DataFile, Header};
 
 use super::input::{Input, Siblings, Stream, finish};
 use super::voxels::data_error;
-use super::{About, Limits, Volume, VolumeError, VoxelType, Voxels, paths};
+use super::{About, Limits, Shape, Volume, VolumeError, Voxels, paths};
 
 /// Bytes of a gzip stream, which some writers have instead of zlib.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
@@ -50,9 +50,9 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     Ok(Volume::new(header.grid, voxels)?.with_about(about))
 }
 
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let (header, _) = Header::read(&mut input.open()?.reader)?;
-    Ok((header.grid.dims, header.voxel_type))
+    Ok(Shape::of(&header.grid, header.voxel_type))
 }
 
 fn open_beside(name: &str, siblings: Option<Siblings>) -> Result<Stream<'static>, VolumeError> {

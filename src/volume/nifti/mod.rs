@@ -15,7 +15,7 @@ mod header;
 use header::Header;
 
 use super::input::Input;
-use super::{About, Volume, VolumeError, VoxelType, Voxels};
+use super::{About, Shape, Volume, VolumeError, Voxels};
 
 /// Whether a file begins like a NIfTI header of either version, or like one of its predecessor.
 pub(super) fn magic(head: &[u8]) -> bool {
@@ -47,7 +47,8 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     Ok(Volume::new(grid, voxels)?.with_about(about))
 }
 
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let header = Header::read(&mut input.open()?.reader)?;
-    Ok((header.dims, header.scaling.result_type(header.stored_type)))
+    let grid = geometry::grid(&header, &mut About::default())?;
+    Ok(Shape::of(&grid, header.scaling.result_type(header.stored_type)))
 }

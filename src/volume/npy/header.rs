@@ -3,8 +3,9 @@
 use std::io::{BufRead, Read};
 
 use crate::volume::error::excerpt;
+use crate::volume::stored::Stored;
 use crate::volume::voxels::data_error;
-use crate::volume::{Endian, VolumeError, VoxelType};
+use crate::volume::{Endian, VolumeError};
 
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -16,7 +17,7 @@ const MAX_DICTIONARY: u64 = 1 << 16;
 pub(super) struct Header {
     /// Type as NumPy writes it.
     pub(super) descr: String,
-    pub(super) voxel_type: VoxelType,
+    pub(super) stored: Stored,
     pub(super) endian: Endian,
     /// The first index runs fastest in the file, and not the last.
     pub(super) fortran_order: bool,
@@ -49,10 +50,10 @@ impl Header {
         }
         let text = take(reader, length)?;
         let dictionary = Dictionary::parse(&String::from_utf8_lossy(&text))?;
-        let (voxel_type, endian) = number_type(&dictionary.descr)?;
+        let (stored, endian) = number_type(&dictionary.descr)?;
         Ok(Self {
             descr: dictionary.descr,
-            voxel_type,
+            stored,
             endian,
             fortran_order: dictionary.fortran_order,
             shape: dictionary.shape,
@@ -99,31 +100,12 @@ fn take(reader: &mut dyn BufRead, count: u64) -> Result<Vec<u8>, VolumeError> {
     Ok(bytes)
 }
 
-/// The type behind `<i2`, `|u1`, `>f4`.
-fn number_type(descr: &str) -> Result<(VoxelType, Endian), VolumeError> {
-    let (order, kind) = descr.split_at_checked(1).unwrap_or_default();
-    let endian = match order {
-        "<" | "|" | "=" => Some(Endian::Little),
-        ">" => Some(Endian::Big),
-        _ => None,
-    };
-    let voxel_type = match kind {
-        // A byte that is 0 or 1.
-        "b1" | "u1" => Some(VoxelType::U8),
-        "i1" => Some(VoxelType::I8),
-        "u2" => Some(VoxelType::U16),
-        "i2" => Some(VoxelType::I16),
-        "u4" => Some(VoxelType::U32),
-        "i4" => Some(VoxelType::I32),
-        "u8" => Some(VoxelType::U64),
-        "i8" => Some(VoxelType::I64),
-        "f4" => Some(VoxelType::F32),
-        "f8" => Some(VoxelType::F64),
-        _ => None,
-    };
-    voxel_type.zip(endian).ok_or_else(|| {
-        let message =
-            format!("{} is not read; expected bool, integers of 8 to 64 bits, float32 or float64", excerpt(descr));
+fn number_type(descr: &str) -> Result<(Stored, Endian), VolumeError> {
+    Stored::from_descr(descr).ok_or_else(|| {
+        let message = format!(
+            "{} is not read; expected bool, integers of 8 to 64 bits, float16, float32 or float64",
+            excerpt(descr)
+        );
         VolumeError::unsupported("descr", message)
     })
 }

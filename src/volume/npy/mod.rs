@@ -15,7 +15,7 @@ use header::Header;
 
 use super::input::{Input, finish};
 use super::sample::{Sample, with_voxels};
-use super::{About, Grid, Limits, Volume, VolumeError, VoxelType, Voxels};
+use super::{About, Grid, Limits, Shape, Volume, VolumeError, Voxels};
 
 pub(super) use npz::{magic as npz_magic, peek_input as npz_peek, read_input as npz_read};
 
@@ -34,23 +34,23 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     Ok(volume)
 }
 
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let header = Header::read(&mut input.open()?.reader)?;
-    Ok((header.dims()?, header.voxel_type))
+    Ok(Shape::without_spacing(header.dims()?, header.stored.voxel_type()))
 }
 
 impl Header {
     fn data_bytes(&self, limits: &Limits) -> Result<u64, VolumeError> {
-        Ok(limits.check("shape", self.dims()?, self.voxel_type)? as u64 * self.voxel_type.bytes())
+        Ok(limits.check("shape", self.dims()?, self.stored.voxel_type())? as u64 * self.stored.bytes())
     }
 
     /// Reads the voxels that follow the header.
     fn read_volume(&self, reader: &mut dyn BufRead, limits: &Limits) -> Result<Volume, VolumeError> {
         let dims = self.dims()?;
-        let count = limits.check("shape", dims, self.voxel_type)?;
-        let mut voxels = Voxels::empty(self.voxel_type);
+        let count = limits.check("shape", dims, self.stored.voxel_type())?;
+        let mut voxels = Voxels::empty(self.stored.voxel_type());
         voxels.reserve("shape", count)?;
-        voxels.append("data", reader, count, self.endian)?;
+        self.stored.append(&mut voxels, "data", reader, count, self.endian)?;
         finish(reader, "data")?;
         if self.fortran_order {
             with_voxels!(&mut voxels, v => *v = x_fastest(v, dims)?);

@@ -10,7 +10,7 @@ use super::Header;
 use crate::volume::archive::is_zip;
 use crate::volume::error::excerpt;
 use crate::volume::input::{Input, ReadSeek};
-use crate::volume::{Limits, Volume, VolumeError, VoxelType};
+use crate::volume::{Limits, Shape, Volume, VolumeError};
 
 /// Most arrays that are looked at.
 const MAX_ARRAYS: usize = 1000;
@@ -29,8 +29,8 @@ pub(in crate::volume) fn read_input(input: &mut Input) -> Result<Volume, VolumeE
     with_array(input, |header, reader| read_array(header, reader, limits))
 }
 
-pub(in crate::volume) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
-    with_array(input, |header, _| Ok((header.dims()?, header.voxel_type)))
+pub(in crate::volume) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
+    with_array(input, |header, _| Ok(Shape::without_spacing(header.dims()?, header.stored.voxel_type())))
 }
 
 type Entry<'a, 'b> = BufReader<ZipFile<'a, Box<dyn ReadSeek + 'b>>>;

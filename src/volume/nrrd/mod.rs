@@ -27,7 +27,7 @@ pub use write::{attached_header, attached_header_without_space};
 pub use super::input::Siblings;
 
 use super::input::Input;
-use super::{Limits, Volume, VolumeError, VoxelType, Voxels};
+use super::{Limits, Shape, Volume, VolumeError, Voxels};
 
 /// Reads a volume from the `length` bytes of a header with or without attached data; `None` if that is not known.
 ///
@@ -76,6 +76,6 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     Ok(volume)
 }
 
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
-    read_header(&mut input.open()?.reader).map(|header| (header.grid.dims, header.voxel_type))
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
+    read_header(&mut input.open()?.reader).map(|header| Shape::of(&header.grid, header.voxel_type))
 }

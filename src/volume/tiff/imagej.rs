@@ -1,5 +1,7 @@
 //! What ImageJ writes into the description: lines of `name=value`.
 
+use crate::volume::units::millimetres;
+
 /// Sizes and lengths of a hyperstack.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct ImageJ {
@@ -31,21 +33,5 @@ pub(super) fn parse(description: &str) -> Option<ImageJ> {
         frames: count("frames").unwrap_or(1),
         spacing: length.filter(|length| length.is_finite() && *length > 0.0),
         millimetres: get("unit").and_then(millimetres),
-    })
-}
-
-/// Millimetres in a unit of length by its name, as ImageJ and OME write it.
-pub(super) fn millimetres(unit: &str) -> Option<f64> {
-    Some(match unit {
-        "pm" => 1e-9,
-        "\u{c5}" | "angstrom" => 1e-7,
-        "nm" | "nanometer" => 1e-6,
-        // The two signs for micro, and what ImageJ makes of them.
-        "\u{b5}m" | "\u{3bc}m" | "\\u00B5m" | "um" | "micron" | "microns" | "micrometer" => 1e-3,
-        "mm" | "millimeter" => 1.0,
-        "cm" | "centimeter" => 10.0,
-        "m" | "meter" => 1e3,
-        "in" | "inch" => 25.4,
-        _ => return None,
     })
 }

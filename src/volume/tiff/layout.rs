@@ -7,20 +7,20 @@ use glam::DVec3;
 use super::imagej::{self, ImageJ};
 use super::ome::{self, Ome, TiffData};
 use super::pages::Pages;
+use crate::volume::channels::{choose as choose_channel, note_frames};
 use crate::volume::error::excerpt;
 use crate::volume::{Grid, VolumeError};
-
-/// Channels that a note names.
-const MOST_LISTED: usize = 20;
 
 /// A volume's pages and place.
 pub(super) struct Layout {
     pub(super) grid: Grid,
+    /// Whether the file says how far apart voxels are.
+    pub(super) is_placed: bool,
     /// Pages from the first slice to the last.
     pub(super) planes: Vec<usize>,
     pub(super) notes: Vec<String>,
-    /// What the file says, for people.
-    pub(super) header: Vec<(String, String)>,
+    /// What the description says of order and distances, without its free text.
+    pub(super) technical: Vec<(&'static str, String)>,
 }
 
 impl Layout {
@@ -37,9 +37,6 @@ impl Layout {
         if pages.inverted {
             layout.notes.push("Low values are meant to be bright (WhiteIsZero): values are inverted.".into());
         }
-        if !description.is_empty() {
-            layout.header.push(("ImageDescription".into(), description.to_owned()));
-        }
         Ok(layout)
     }
 }
@@ -54,9 +51,10 @@ fn plain(pages: &Pages, channel: Option<u32>) -> Result<Layout, VolumeError> {
     let note = "The file does not say how far apart voxels are; taken as 1 along each axis.";
     Ok(Layout {
         grid: grid(pages, pages.len(), DVec3::ONE)?,
+        is_placed: false,
         planes: (0..pages.len()).collect(),
         notes: vec![note.into()],
-        header: Vec::new(),
+        technical: Vec::new(),
     })
 }
 
@@ -88,7 +86,13 @@ fn of_imagej(imagej: &ImageJ, pages: &Pages, channel: Option<u32>) -> Result<Lay
     let spacing = DVec3::new(x, y, z) * scale;
     // Channels are fastest, then slices, then frames.
     let planes = (0..slices).map(|k| k * channels + channel).collect();
-    Ok(Layout { grid: grid(pages, slices, spacing)?, planes, notes, header: Vec::new() })
+    let technical = vec![
+        ("channels", channels.to_string()),
+        ("slices", slices.to_string()),
+        ("frames", frames.to_string()),
+        ("spacing in mm", format!("{x}, {y}, {z}", x = spacing.x, y = spacing.y, z = spacing.z)),
+    ];
+    Ok(Layout { grid: grid(pages, slices, spacing)?, is_placed: true, planes, notes, technical })
 }
 
 fn of_ome(ome: &Ome, pages: &Pages, channel: Option<u32>) -> Result<Layout, VolumeError> {
@@ -109,7 +113,15 @@ fn of_ome(ome: &Ome, pages: &Pages, channel: Option<u32>) -> Result<Layout, Volu
     }
     let x = x.or(y).unwrap_or(1.0);
     let spacing = DVec3::new(x, y.unwrap_or(x), z.unwrap_or(x));
-    Ok(Layout { grid: grid(pages, slices, spacing)?, planes, notes, header: Vec::new() })
+    let technical = vec![
+        // Checked to be an order of axes.
+        ("DimensionOrder", ome.order.clone()),
+        ("SizeZ", slices.to_string()),
+        ("SizeC", channels.to_string()),
+        ("SizeT", frames.to_string()),
+        ("PhysicalSize in mm", format!("{x}, {y}, {z}", x = spacing.x, y = spacing.y, z = spacing.z)),
+    ];
+    Ok(Layout { grid: grid(pages, slices, spacing)?, is_placed: true, planes, notes, technical })
 }
 
 /// The pages that hold the slices of a channel at the first time point.
@@ -153,40 +165,6 @@ fn strides(order: &str, sizes: [usize; 3]) -> Result<[usize; 3], VolumeError> {
         return Err(malformed(format!("{} is not an order such as XYZCT", excerpt(order))));
     }
     Ok(strides)
-}
-
-fn choose_channel(
-    chosen: Option<u32>,
-    channels: usize,
-    names: &[Option<String>],
-    notes: &mut Vec<String>,
-) -> Result<usize, VolumeError> {
-    let name = |c: usize| match names.get(c) {
-        Some(Some(name)) => format!("channel={c} ({})", excerpt(name)),
-        _ => format!("channel={c}"),
-    };
-    let listed: Vec<String> = (0..channels.min(MOST_LISTED)).map(name).collect();
-    let more = if channels > MOST_LISTED { ", ..." } else { "" };
-    let list = format!("{}{more}", listed.join(", "));
-    match chosen {
-        Some(chosen) if chosen as usize >= channels => {
-            let message = format!("{chosen} is not a channel of this file; it has {list}");
-            Err(VolumeError::malformed("channel", message))
-        }
-        Some(chosen) => Ok(chosen as usize),
-        None => {
-            if channels > 1 {
-                notes.push(format!("Of {channels} channels the first is shown: {list}."));
-            }
-            Ok(0)
-        }
-    }
-}
-
-fn note_frames(frames: usize, notes: &mut Vec<String>) {
-    if frames > 1 {
-        notes.push(format!("Of {frames} time points the first is shown."));
-    }
 }
 
 fn malformed(message: String) -> VolumeError {

@@ -18,7 +18,7 @@ use layout::Layout;
 use pages::Pages;
 
 use super::input::Input;
-use super::{About, Volume, VolumeError, VoxelType, Voxels};
+use super::{About, Shape, Volume, VolumeError, Voxels};
 
 /// Reads the volume.
 ///
@@ -37,8 +37,11 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
         pages.append(page, &mut voxels)?;
     }
     let mut about = About { notes: layout.notes, ..About::default() };
-    for (name, value) in &layout.header {
-        about.field(name, value);
+    for (name, value) in pages.technical_fields().iter().chain(&layout.technical) {
+        about.technical_field(name, value);
+    }
+    if let Some(description) = &pages.description {
+        about.field("ImageDescription", description);
     }
     Ok(Volume::new(layout.grid, voxels)?.with_about(about))
 }
@@ -47,10 +50,14 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
 ///
 /// # Errors
 /// As [`read_input`].
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let (limits, channel) = (*input.limits, input.choice.channel);
     let pages = Pages::open(input.seekable()?, &limits)?;
     let layout = Layout::new(&pages, channel)?;
     limits.check("dims", layout.grid.dims, pages.voxel_type)?;
-    Ok((layout.grid.dims, pages.voxel_type))
+    Ok(if layout.is_placed {
+        Shape::of(&layout.grid, pages.voxel_type)
+    } else {
+        Shape::without_spacing(layout.grid.dims, pages.voxel_type)
+    })
 }

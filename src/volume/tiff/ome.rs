@@ -3,9 +3,9 @@
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use super::imagej::millimetres;
 use crate::volume::VolumeError;
 use crate::volume::error::excerpt;
+use crate::volume::units::millimetres;
 
 /// The first image's `Pixels`.
 #[derive(Debug, Default, PartialEq)]

@@ -91,6 +91,18 @@ impl<'i> Pages<'i> {
         self.numbers.len()
     }
 
+    /// How each page is stored, for people.
+    pub(super) fn technical_fields(&self) -> [(&'static str, String); 5] {
+        let [width, length] = self.size;
+        [
+            ("ImageWidth", width.to_string()),
+            ("ImageLength", length.to_string()),
+            ("Pages", self.numbers.len().to_string()),
+            ("VoxelType", self.voxel_type.to_string()),
+            ("PhotometricInterpretation", if self.inverted { "WhiteIsZero" } else { "BlackIsZero" }.into()),
+        ]
+    }
+
     /// Appends the voxels of a page, counted from 0.
     pub(super) fn append(&mut self, page: usize, voxels: &mut Voxels) -> Result<(), VolumeError> {
         let &number = self.numbers.get(page).ok_or_else(|| malformed(&format!("there is no page {page}")))?;

@@ -13,6 +13,9 @@ use crate::volume::{Endian, Grid, VolumeError, VoxelType};
 /// Most arrays of a file.
 const MAX_ARRAYS: usize = 1000;
 
+/// Most pieces of an image, each of which is looked for from the beginning of the file.
+const MAX_PIECES: usize = 64;
+
 /// A file without its data.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
@@ -22,17 +25,22 @@ pub(super) struct Layout {
     pub(super) count_bytes: usize,
     /// Whether binary data are blocks of zlib.
     pub(super) compressed: bool,
-    pub(super) array: Array,
+    pub(super) voxel_type: VoxelType,
+    /// One, or several that fill the grid.
+    pub(super) pieces: Vec<Piece>,
     /// Attributes as text.
     pub(super) text: Vec<(String, String)>,
 }
 
-/// The array whose values are the voxels.
+/// A part of the image, and the array whose values are its voxels.
 #[derive(Clone, Debug)]
-pub(super) struct Array {
-    /// How many arrays come before it in the file.
+pub(super) struct Piece {
+    /// Its first voxel in the grid.
+    pub(super) start: [usize; 3],
+    /// Voxels along x, y and z.
+    pub(super) dims: [u32; 3],
+    /// How many arrays come before its own in the file.
     pub(super) index: usize,
-    pub(super) voxel_type: VoxelType,
     pub(super) encoding: Encoding,
 }
 
@@ -73,15 +81,25 @@ impl Attributes {
 struct Found {
     file: Attributes,
     image: Option<Attributes>,
-    piece: Option<Attributes>,
+    pieces: Vec<Attributes>,
     /// Tags that hold arrays: those of points, then those of cells.
     holders: [Attributes; 2],
     /// Which of them is open.
     open: Option<usize>,
-    /// Number in the file, holder, attributes.
-    arrays: Vec<(usize, usize, Attributes)>,
+    arrays: Vec<FoundArray>,
     arrays_seen: usize,
     appended: Option<Attributes>,
+}
+
+/// An array of points or cells.
+#[derive(Debug)]
+struct FoundArray {
+    /// Number in the file.
+    index: usize,
+    /// Number of its piece.
+    piece: usize,
+    holder: usize,
+    attributes: Attributes,
 }
 
 impl Layout {
@@ -106,6 +124,10 @@ impl Found {
         match name {
             "VTKFile" => {
                 let kind = attributes.get("type").unwrap_or_default();
+                if kind == "PImageData" {
+                    let message = "a .pvti file only names others; write the image as one .vti file";
+                    return Err(VolumeError::unsupported("type", message));
+                }
                 if kind != "ImageData" {
                     let message = format!("{} is not read; expected ImageData", excerpt(kind));
                     return Err(VolumeError::unsupported("type", message));
@@ -113,10 +135,11 @@ impl Found {
                 self.file = attributes;
             }
             "ImageData" => self.image = Some(attributes),
-            "Piece" if self.piece.is_some() => {
-                return Err(VolumeError::unsupported("Piece", "several pieces; expected the whole image in one"));
+            "Piece" if self.pieces.len() == MAX_PIECES => {
+                let message = format!("more than {MAX_PIECES} pieces; write the image in fewer");
+                return Err(VolumeError::unsupported("Piece", message));
             }
-            "Piece" => self.piece = Some(attributes),
+            "Piece" => self.pieces.push(attributes),
             "PointData" | "CellData" => {
                 let holder = usize::from(name == "CellData");
                 self.open = (!empty).then_some(holder);
@@ -124,7 +147,8 @@ impl Found {
             }
             "DataArray" => {
                 if let Some(holder) = self.open {
-                    self.arrays.push((self.arrays_seen, holder, attributes));
+                    let piece = self.pieces.len().saturating_sub(1);
+                    self.arrays.push(FoundArray { index: self.arrays_seen, piece, holder, attributes });
                 }
                 self.arrays_seen += 1;
                 if self.arrays_seen > MAX_ARRAYS {
@@ -140,8 +164,11 @@ impl Found {
 
     fn layout(self) -> Result<Layout, VolumeError> {
         let image = self.image.as_ref().ok_or_else(|| VolumeError::malformed("ImageData", "missing"))?;
-        let (index, holder, attributes) = self.choose()?;
-        let grid = grid(image, self.piece.as_ref(), *holder == 1)?;
+        let chosen = self.choose()?;
+        let (cells, attributes) = (chosen.holder == 1, &chosen.attributes);
+        let whole: [i64; 6] =
+            image.numbers("WholeExtent")?.ok_or_else(|| VolumeError::malformed("WholeExtent", "missing"))?;
+        let grid = grid(image, whole, cells)?;
         let mut text = self.file.0.clone();
         text.extend(image.0.iter().cloned());
         text.extend(attributes.0.iter().map(|(name, value)| (format!("DataArray {name}"), value.clone())));
@@ -150,56 +177,121 @@ impl Found {
             endian: endian(self.file.get("byte_order"))?,
             count_bytes: count_bytes(self.file.get("header_type"))?,
             compressed: compressed(self.file.get("compressor"))?,
-            array: Array {
-                index: *index,
-                voxel_type: voxel_type(attributes)?,
-                encoding: encoding(attributes, self.appended.as_ref())?,
-            },
+            voxel_type: voxel_type(attributes)?,
+            pieces: self.pieces(chosen, whole)?,
             text,
         })
     }
 
-    /// The array of scalars: on points if there is any, the named one of several.
-    fn choose(&self) -> Result<&(usize, usize, Attributes), VolumeError> {
-        let holder = usize::from(!self.arrays.iter().any(|(_, holder, _)| *holder == 0));
-        let arrays: Vec<_> = self.arrays.iter().filter(|(_, h, _)| *h == holder).collect();
-        let active = self.holders[holder].get("Scalars");
-        let components = |a: &Attributes| a.get("NumberOfComponents").unwrap_or("1").to_owned();
-        let scalars: Vec<_> = arrays.iter().filter(|(_, _, a)| components(a) == "1").collect();
-        let chosen =
-            match (active.and_then(|name| arrays.iter().find(|(_, _, a)| a.get("Name") == Some(name))), &arrays[..]) {
-                (Some(active), _) => active,
-                (None, [only]) => only,
-                (None, []) => {
-                    return Err(VolumeError::malformed("DataArray", "no array on points or cells"));
-                }
-                (None, _) => match &scalars[..] {
-                    [only] => only,
-                    _ => {
-                        let names: Vec<_> =
-                            arrays.iter().take(10).map(|(_, _, a)| excerpt(a.get("Name").unwrap_or("?"))).collect();
-                        let message = format!("several ({}); expected one, or one named by Scalars", names.join(", "));
-                        return Err(VolumeError::unsupported("DataArray", message));
-                    }
-                },
+    /// The pieces, each with its array of the chosen name.
+    fn pieces(&self, chosen: &FoundArray, whole: [i64; 6]) -> Result<Vec<Piece>, VolumeError> {
+        let cells = chosen.holder == 1;
+        let extent = |piece: &Attributes| piece.numbers("Extent").map(|extent| extent.unwrap_or(whole));
+        let extents: Vec<[i64; 6]> = self.pieces.iter().map(extent).collect::<Result<_, _>>()?;
+        // A file without a piece has its arrays in the image.
+        let extents = if extents.is_empty() { vec![whole] } else { extents };
+        // VTK writes an image that it cannot cut as several copies of it.
+        let is_new = |(number, extent): &(usize, &[i64; 6])| !extents[..*number].contains(extent);
+        let distinct: Vec<(usize, &[i64; 6])> = extents.iter().enumerate().filter(is_new).collect();
+        check_cover(whole, &distinct)?;
+        let name = chosen.attributes.get("Name");
+        let piece = |(number, extent): (usize, &[i64; 6])| {
+            let is_same = |array: &&FoundArray| {
+                let is_here = array.piece == number && array.holder == chosen.holder;
+                is_here && (number == chosen.piece || array.attributes.get("Name") == name)
             };
-        let components = components(&chosen.2);
-        if components != "1" {
-            let message = format!("{} values per voxel, as of colours or vectors; expected 1", excerpt(&components));
-            return Err(VolumeError::unsupported("NumberOfComponents", message));
-        }
+            let here = if number == chosen.piece { Some(chosen) } else { self.arrays.iter().find(is_same) };
+            let missing = || format!("piece {number} has no array {}", excerpt(name.unwrap_or("?")));
+            let array = here.ok_or_else(|| VolumeError::malformed("DataArray", missing()))?;
+            check_scalar(&array.attributes)?;
+            if array.attributes.get("type") != chosen.attributes.get("type") {
+                let message = "the arrays of the pieces are of several types; expected one";
+                return Err(VolumeError::unsupported("type", message));
+            }
+            Ok(Piece {
+                start: [0, 1, 2].map(|axis| (extent[2 * axis] - whole[2 * axis]) as usize),
+                dims: dims(*extent, cells)?,
+                index: array.index,
+                encoding: encoding(&array.attributes, self.appended.as_ref())?,
+            })
+        };
+        distinct.into_iter().map(piece).collect()
+    }
+
+    /// The array of scalars of the first piece that has arrays: on points if there is any, the named one of several.
+    fn choose(&self) -> Result<&FoundArray, VolumeError> {
+        let piece = self.arrays.iter().map(|array| array.piece).min().unwrap_or(0);
+        let of_piece = || self.arrays.iter().filter(|array| array.piece == piece);
+        let holder = usize::from(!of_piece().any(|array| array.holder == 0));
+        let arrays: Vec<&FoundArray> = of_piece().filter(|array| array.holder == holder).collect();
+        let named = |name: &str| arrays.iter().copied().find(|array| array.attributes.get("Name") == Some(name));
+        let scalars: Vec<_> = arrays.iter().filter(|array| components(&array.attributes) == "1").collect();
+        let chosen = match (self.holders[holder].get("Scalars").and_then(named), &arrays[..], &scalars[..]) {
+            (Some(active), ..) => active,
+            (None, [only], _) => only,
+            (None, [], _) => return Err(VolumeError::malformed("DataArray", "no array on points or cells")),
+            (None, _, [only]) => only,
+            _ => {
+                let name = |array: &&FoundArray| excerpt(array.attributes.get("Name").unwrap_or("?"));
+                let names: Vec<_> = arrays.iter().take(10).map(name).collect();
+                let message = format!("several ({}); expected one, or one named by Scalars", names.join(", "));
+                return Err(VolumeError::unsupported("DataArray", message));
+            }
+        };
+        check_scalar(&chosen.attributes)?;
         Ok(chosen)
     }
 }
 
-fn grid(image: &Attributes, piece: Option<&Attributes>, cells: bool) -> Result<Grid, VolumeError> {
-    let whole: [i64; 6] =
-        image.numbers("WholeExtent")?.ok_or_else(|| VolumeError::malformed("WholeExtent", "missing"))?;
-    let extent = piece.map_or(Ok(None), |piece| piece.numbers("Extent"))?.unwrap_or(whole);
-    if extent != whole {
-        let message = format!("{extent:?} is not the WholeExtent {whole:?}; expected the whole image in one piece");
-        return Err(VolumeError::unsupported("Extent", message));
+fn components(attributes: &Attributes) -> &str {
+    attributes.get("NumberOfComponents").unwrap_or("1")
+}
+
+fn check_scalar(attributes: &Attributes) -> Result<(), VolumeError> {
+    match components(attributes) {
+        "1" => Ok(()),
+        other => {
+            let message = format!("{} values per voxel, as of colours or vectors; expected 1", excerpt(other));
+            Err(VolumeError::unsupported("NumberOfComponents", message))
+        }
     }
+}
+
+/// Whether pieces fill the whole, and none of them lies in another one; those of points share their faces.
+fn check_cover(whole: [i64; 6], pieces: &[(usize, &[i64; 6])]) -> Result<(), VolumeError> {
+    let malformed = |message: String| Err(VolumeError::malformed("Extent", message));
+    // Cells along an axis; an axis of one point counts as one of one cell.
+    let cells = |extent: &[i64; 6], axis: usize| {
+        let [low, high] = [extent[2 * axis], extent[2 * axis + 1]].map(i128::from);
+        if whole[2 * axis] == whole[2 * axis + 1] { (low, high + 1) } else { (low, high) }
+    };
+    let count = |extent: &[i64; 6]| {
+        (0..3).map(|axis| cells(extent, axis)).fold(1_i128, |n, (low, high)| n.saturating_mul((high - low).max(0)))
+    };
+    let mut sum = 0_i128;
+    for (index, &(_, piece)) in pieces.iter().enumerate() {
+        if (0..3).any(|axis| piece[2 * axis] < whole[2 * axis] || piece[2 * axis + 1] > whole[2 * axis + 1]) {
+            return malformed(format!("{piece:?} is not within the WholeExtent {whole:?}"));
+        }
+        let overlaps = |(_, other): &&(usize, &[i64; 6])| {
+            (0..3).all(|axis| {
+                let ((a, b), (c, d)) = (cells(piece, axis), cells(other, axis));
+                a.max(c) < b.min(d)
+            })
+        };
+        if let Some((_, other)) = pieces[..index].iter().find(overlaps) {
+            return malformed(format!("the pieces {other:?} and {piece:?} overlap"));
+        }
+        sum = sum.saturating_add(count(piece));
+    }
+    if sum == count(&whole) {
+        return Ok(());
+    }
+    malformed(format!("the pieces do not fill the WholeExtent {whole:?}; expected the whole image in one file"))
+}
+
+/// Voxels along x, y and z.
+fn dims(extent: [i64; 6], cells: bool) -> Result<[u32; 3], VolumeError> {
     let mut dims = [0; 3];
     for (axis, n) in dims.iter_mut().enumerate() {
         let [low, high] = [extent[2 * axis], extent[2 * axis + 1]].map(i128::from);
@@ -214,6 +306,11 @@ fn grid(image: &Attributes, piece: Option<&Attributes>, cells: bool) -> Result<G
             limit: u32::MAX.into(),
         })?;
     }
+    Ok(dims)
+}
+
+fn grid(image: &Attributes, extent: [i64; 6], cells: bool) -> Result<Grid, VolumeError> {
+    let dims = dims(extent, cells)?;
     let spacing = DVec3::from_array(image.numbers("Spacing")?.unwrap_or([1.0; 3]));
     check_spacing("Spacing", spacing)?;
     let mut grid = Grid::axis_aligned(dims, spacing);

@@ -1,7 +1,7 @@
 //! VTK's XML image data, `.vti`, after <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>.
 //!
-//! One piece with one scalar array on its points, or, if there is none, on its cells, whose centres are then the
-//! voxels. Data may be ascii, base64 or appended as they are or in base64, and compressed by zlib. VTK says nothing
+//! One piece, or several that fill the image, with one scalar array on points, or, if there is none, on cells, whose
+//! centres are then the voxels. Data may be ascii, base64 or appended as they are or in base64, and compressed by zlib. VTK says nothing
 //! about patients: its world is taken as it is.
 
 mod encoded;
@@ -11,11 +11,12 @@ mod xml;
 use std::io::{BufRead, BufReader, Read};
 
 use encoded::{Base64, Blocks, UntilTag, read_counts};
-use layout::{Encoding, Layout};
+use layout::{Encoding, Layout, Piece};
 use xml::Walker;
 
 use super::input::{Input, finish};
-use super::{About, Volume, VolumeError, VoxelType, Voxels};
+use super::sample::with_voxels;
+use super::{About, Shape, Volume, VolumeError, Voxels};
 
 /// Whether a file begins like one of VTK's image data.
 pub(super) fn magic(head: &[u8]) -> bool {
@@ -26,23 +27,20 @@ pub(super) fn magic(head: &[u8]) -> bool {
 pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     let limits = input.limits;
     let layout = Layout::read(input.open()?.reader)?;
-    let count = limits.check("Extent", layout.grid.dims, layout.array.voxel_type)?;
-    let mut voxels = Voxels::empty(layout.array.voxel_type);
-    voxels.reserve("Extent", count)?;
-    let mut walker = Walker::new(input.open()?.reader);
-    match layout.array.encoding {
-        Encoding::Ascii | Encoding::Base64 => walker.seek_array(layout.array.index)?,
-        Encoding::AppendedRaw { offset } | Encoding::AppendedBase64 { offset } => walker.seek_appended(offset)?,
-    }
-    let mut stream = walker.data();
-    match layout.array.encoding {
-        Encoding::Ascii => voxels.append_ascii("DataArray", &mut BufReader::new(UntilTag::new(stream)), count)?,
-        Encoding::Base64 | Encoding::AppendedBase64 { .. } => {
-            let mut bytes = BufReader::new(Base64::new(BufReader::new(UntilTag::new(stream))));
-            append(&mut voxels, &mut bytes, &layout, count)?;
+    let count = limits.check("Extent", layout.grid.dims, layout.voxel_type)?;
+    let voxels = match &layout.pieces[..] {
+        [whole] => read_piece(input, &layout, whole)?,
+        several => {
+            let mut voxels = Voxels::empty(layout.voxel_type);
+            voxels.reserve("Extent", count)?;
+            with_voxels!(&mut voxels, v => v.resize(count, 0 as _));
+            for piece in several {
+                let part = read_piece(input, &layout, piece)?;
+                place(&mut voxels, layout.grid.dims, &part, piece);
+            }
+            voxels
         }
-        Encoding::AppendedRaw { .. } => append(&mut voxels, &mut stream, &layout, count)?,
-    }
+    };
     let mut about = About::default();
     for (name, value) in &layout.text {
         about.field(name, value);
@@ -50,14 +48,46 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     Ok(Volume::new(layout.grid, voxels)?.with_about(about))
 }
 
-pub(super) fn peek_input(input: &mut Input) -> Result<([u32; 3], VoxelType), VolumeError> {
+pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let layout = Layout::read(input.open()?.reader)?;
-    Ok((layout.grid.dims, layout.array.voxel_type))
+    Ok(Shape::of(&layout.grid, layout.voxel_type))
+}
+
+/// The voxels of a piece, which is within the grid and so within the limits.
+fn read_piece(input: &mut Input, layout: &Layout, piece: &Piece) -> Result<Voxels, VolumeError> {
+    let count = input.limits.check("Extent", piece.dims, layout.voxel_type)?;
+    let mut voxels = Voxels::empty(layout.voxel_type);
+    voxels.reserve("Extent", count)?;
+    let mut walker = Walker::new(input.open()?.reader);
+    match piece.encoding {
+        Encoding::Ascii | Encoding::Base64 => walker.seek_array(piece.index)?,
+        Encoding::AppendedRaw { offset } | Encoding::AppendedBase64 { offset } => walker.seek_appended(offset)?,
+    }
+    let mut stream = walker.data();
+    match piece.encoding {
+        Encoding::Ascii => voxels.append_ascii("DataArray", &mut BufReader::new(UntilTag::new(stream)), count)?,
+        Encoding::Base64 | Encoding::AppendedBase64 { .. } => {
+            let mut bytes = BufReader::new(Base64::new(BufReader::new(UntilTag::new(stream))));
+            append(&mut voxels, &mut bytes, layout, count)?;
+        }
+        Encoding::AppendedRaw { .. } => append(&mut voxels, &mut stream, layout, count)?,
+    }
+    Ok(voxels)
+}
+
+/// Copies the voxels of a piece to their places, row by row.
+fn place(voxels: &mut Voxels, dims: [u32; 3], part: &Voxels, piece: &Piece) {
+    let ([nx, ny, _], [px, py, pz]) = (dims.map(|n| n as usize), piece.dims.map(|n| n as usize));
+    let [x, y, z] = piece.start;
+    for (k, j) in (0..pz).flat_map(|k| (0..py).map(move |j| (k, j))) {
+        let (from, to) = ((k * py + j) * px, ((z + k) * ny + y + j) * nx + x);
+        voxels.copy_row(to, part, from..from + px);
+    }
 }
 
 /// Appends `count` voxels from the bytes of an array, which begin with how many they are.
 fn append(voxels: &mut Voxels, reader: &mut dyn BufRead, layout: &Layout, count: usize) -> Result<(), VolumeError> {
-    let expected = count as u64 * layout.array.voxel_type.bytes();
+    let expected = count as u64 * layout.voxel_type.bytes();
     if !layout.compressed {
         let bytes = read_counts(reader, layout.count_bytes, layout.endian, 1)?[0];
         if bytes != expected {

@@ -1,7 +1,8 @@
 """Makes the DICOM fixtures beside it and `expected.json`, what pydicom reads back from them.
 
 Written and read with pydicom 3.0.2, numpy 2.4.6, imagecodecs 2026.3.6 (JPEG), pylibjpeg-openjpeg 2.6.0 (JPEG 2000),
-pylibjpeg-libjpeg 2.5.0 (decodes JPEG); Python 3.11. The tests need none of them.
+pylibjpeg-libjpeg 2.5.0 (decodes JPEG), Pillow 13.0.0 (JPEG 2000 with tiles); Python 3.11. The tests
+need none of them.
 """
 
 import io
@@ -11,6 +12,8 @@ import zipfile
 
 import imagecodecs
 import numpy as np
+import openjpeg.utils
+import PIL.Image
 import pydicom
 from pydicom import uid
 from pydicom.dataset import Dataset, FileMetaDataset
@@ -219,8 +222,36 @@ def odd():
     (HERE / "bits.dcm").write_bytes(to_bytes(bits, np.zeros(4, "u1")))
     report = slice_dataset(grey[0], (0, 0, 0))
     (HERE / "no_picture.dcm").write_bytes(to_bytes(report, None))
-    j2k = imagecodecs.jpeg2k_encode(grey[0], level=0, codecformat="j2k")
-    (HERE / "jpeg2000.dcm").write_bytes(to_bytes(at(0), grey[0], uid.JPEG2000Lossless, [j2k]))
+    (HERE / "jpeg_ls.dcm").write_bytes(to_bytes(at(0), grey[0], uid.JPEGLSLossless, [imagecodecs.jpegls_encode(grey[0])]))
+
+
+def jpeg2000(twelve, ct):
+    """By OpenJPEG, through three libraries; the large pictures have several resolutions, and one has tiles."""
+    def small(bits):
+        options = dict(codecformat="j2k", level=0, resolutions=2, bitspersample=bits)
+        return lambda array: imagecodecs.jpeg2k_encode(np.ascontiguousarray(array), **options)
+    def encode(array, **options):
+        bits = array.dtype.itemsize * 8
+        return openjpeg.utils.encode_array(array, bits_stored=bits, photometric_interpretation=2, **options)
+    lossless, lossy = uid.JPEG2000Lossless, uid.JPEG2000
+    stack("jpeg2000", twelve, "i2", lossless, pack=small(12), KVP="120", **ct)
+    stack("jpeg2000_wide", values("u2", (0, 65535)), "u2", lossless, pack=small(16))
+    stack("jpeg2000_bytes", values("u1", (0, 255)), "u1", lossless, pack=small(8))
+    # The codestream's samples are unsigned, the data set's are signed: the data set is right.
+    stack("jpeg2000_mismatch", values("i2", (-4096, 8191)), "i2", lossless, BitsStored=13, HighBit=12,
+          pack=lambda array: small(13)(array.view("u2") & 0x1FFF))
+    z, y, x = np.meshgrid(np.arange(3), np.arange(34), np.arange(33), indexing="ij")
+    large = (1000 * z + 20 * y * np.sin(x / 9) + np.random.default_rng(1).integers(0, 40, x.shape)).astype("i2")
+    stack("jpeg2000_signed", (large * 16).astype("i2"), "i2", lossless, pack=encode)
+    def tiled(array):
+        buffer = io.BytesIO()
+        picture = PIL.Image.fromarray(array)
+        assert picture.mode == "I;16"
+        picture.save(buffer, "JPEG2000", tile_size=(16, 16), num_resolutions=3, irreversible=False, no_jp2=True)
+        return buffer.getvalue()
+    stack("jpeg2000_tiles", (large + 2000).astype("u2"), "u2", lossless, pack=tiled)
+    stack("jpeg2000_lossy", large, "i2", lossy, LossyImageCompression="01",
+          pack=lambda array: encode(array, compression_ratios=[4]))
 
 
 def main():
@@ -246,6 +277,7 @@ def main():
     stack("low_is_bright", signed, "i2", PhotometricInterpretation="MONOCHROME1")
     stack("tilted", signed, "i2", step=(0, 1, 2))
     stack("oblique", signed, "i2", orientation=OBLIQUE, step=(0, -1.6, -1.2))
+    jpeg2000(twelve, ct)
     multi_frame()
     dose()
     several()

@@ -29,6 +29,12 @@ fn directory() -> TempDir {
     root
 }
 
+/// Unpacks an image of the fixtures as a folder.
+fn put_zarr(folder: &Path) {
+    let file = fs::File::open(format!("{}/tests/data/zarr/ome_05.zip", env!("CARGO_MANIFEST_DIR"))).expect("a fixture");
+    zip::ZipArchive::new(file).expect("a zip").extract(folder).expect("it can be unpacked");
+}
+
 fn serve(data: &Path) -> Server {
     Server::new(&["--data-dir", data.to_str().expect("UTF-8")])
 }
@@ -77,12 +83,46 @@ async fn headers_say_what_a_file_holds_or_what_is_wrong_with_it() {
     };
     assert_eq!((&entry("a.nii.gz")["dims"], &entry("a.nii.gz")["voxel_type"]), (&json!([5, 4, 3]), &json!("i16")));
     assert_eq!(entry("b.NRRD")["dims"], json!([5, 4, 3]));
+    let spacing = |name: &str| entry(name)["spacing"].as_array().map(Vec::len);
+    assert_eq!((spacing("a.nii.gz"), spacing("b.NRRD")), (Some(3), Some(3)));
     for (name, fault) in [("broken.nrrd", "type"), ("readme.txt", "format")] {
         let entry = entry(name);
         assert!(entry["error"].as_str().is_some_and(|text| text.starts_with(fault)), "{entry}");
         assert_eq!(entry.get("dims"), None);
     }
     assert_eq!(entry("ct").get("error"), None);
+}
+
+#[tokio::test]
+async fn a_folder_of_zarr_is_listed_as_a_volume_and_loaded_at_a_level_of_detail() {
+    let root = directory();
+    let data = root.path().join("data");
+    put_zarr(&data);
+    let server = serve(&data);
+    let listed = server.get("/v1/files?headers=true&after=ct&limit=1").await.json()["entries"][0].clone();
+    let expected = json!({ "kind": "directory", "name": "ome_05.zarr", "path": "ome_05.zarr", "format": "zarr",
+        "dims": [5, 4, 3], "voxel_type": "u16", "spacing": [0.00025, 0.0005, 0.0025] });
+    let rounded = |value: &Value| (value.as_f64().expect("a number") * 1e9).round() / 1e9;
+    assert_eq!(
+        listed["spacing"].as_array().expect("numbers").iter().map(rounded).collect::<Vec<_>>(),
+        [0.00025, 0.0005, 0.0025]
+    );
+    for field in ["kind", "name", "path", "format", "dims", "voxel_type"] {
+        assert_eq!(listed[field], expected[field], "{field}");
+    }
+    let load = async |more: Value| {
+        let mut source = json!({ "path": "ome_05.zarr" });
+        source.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
+        server.post("/v1/volumes", &json!({ "source": source })).await
+    };
+    let coarse = load(json!({ "scale": 1, "channel": 1 })).await.json();
+    assert_eq!(coarse["dims"], json!([3, 2, 3]));
+    assert_eq!(coarse["source"], json!({ "path": "ome_05.zarr", "channel": 1, "scale": 1 }));
+    assert_eq!(load(json!({})).await.json()["dims"], json!([5, 4, 3]));
+    let answer = load(json!({ "scale": 7 })).await;
+    assert_eq!(answer.verdict(), (422, "invalid".into(), "source.scale".into()), "{answer:?}");
+    let ct = server.get("/v1/files?path=ct&headers=true").await.json();
+    assert_eq!(ct["entries"][0]["spacing"], Value::Null, "an array has no spacing");
 }
 
 #[cfg(unix)]

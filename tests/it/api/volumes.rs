@@ -214,7 +214,14 @@ async fn of_several_series_one_is_asked_for() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/dicom");
     let server = Server::new(&["--data-dir", folder]);
     let bytes = std::fs::read(format!("{folder}/several.zip")).expect("the fixture is there");
-    for (query, path) in [("", "series"), ("series=9", "series"), ("channel=0", "channel"), ("channel=x", "channel")] {
+    for (query, path) in [
+        ("", "series"),
+        ("series=9", "series"),
+        ("channel=0", "channel"),
+        ("channel=x", "channel"),
+        ("scale=0", "scale"),
+        ("scale=x", "scale"),
+    ] {
         let answer = server.upload(query, bytes.clone()).await;
         assert_eq!((answer.status.as_u16(), answer.path().as_str()), (422, path), "{query}: {answer:?}");
     }

@@ -217,6 +217,33 @@ async fn what_may_name_a_patient_is_shown_only_where_that_is_wanted() {
 }
 
 #[tokio::test]
+async fn the_technique_of_scans_and_microscopes_is_shown_and_the_patient_is_not() {
+    let closed = Server::new(&[]);
+    let data = |name: &str| std::fs::read(format!("{}/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))).expect("there");
+    let scan = upload(&closed, &data("dicom/explicit.zip"), "").await;
+    let answer = closed.get(&format!("{scan}/metadata")).await;
+    let shown = names(&answer);
+    for keyword in ["Modality", "Manufacturer", "SliceThickness", "PixelSpacing", "BitsStored"] {
+        assert!(shown.contains(&keyword.to_owned()), "{keyword} is missing: {shown:?}");
+    }
+    let secret = ["PatientName", "PatientID", "StudyDate", "InstitutionName", "StudyInstanceUID", "StudyDescription"];
+    assert!(!secret.iter().any(|keyword| shown.contains(&(*keyword).to_owned())), "{shown:?}");
+    assert!(!String::from_utf8_lossy(&answer.bytes).contains("Secret"), "{answer:?}");
+    assert!(answer.json()["withheld"].as_u64() >= Some(secret.len() as u64));
+    let cells = upload(&closed, &data("tiff/ome_channels.ome.tif"), "").await;
+    let answer = closed.get(&format!("{cells}/metadata")).await;
+    assert!(names(&answer).contains(&"SizeZ".to_owned()), "{answer:?}");
+    assert!(!names(&answer).contains(&"ImageDescription".to_owned()), "{answer:?}");
+    // Negative control: with the operator's leave both are shown.
+    let open = Server::new(&["--keep-identity"]);
+    for (file, hidden) in [("dicom/explicit.zip", "PatientName"), ("tiff/ome_channels.ome.tif", "ImageDescription")] {
+        let path = upload(&open, &data(file), "").await;
+        let answer = open.get(&format!("{path}/metadata")).await;
+        assert!(names(&answer).contains(&hidden.to_owned()), "{answer:?}");
+    }
+}
+
+#[tokio::test]
 async fn notes_are_in_the_volume_and_in_its_metadata() {
     let server = Server::new(&[]);
     let path = upload(&server, &oblique(), "").await;

@@ -27,7 +27,7 @@ fn pictures_that_are_not_read_are_refused_by_what_they_are() {
     refused("colour.dcm", "PhotometricInterpretation", "`RGB` is a colour picture; expected one of grey values");
     refused("bits.dcm", "BitsAllocated", "voxels of 1 bits are not read; expected 8, 16 or 32");
     refused("no_picture.dcm", "PixelData", "missing; the file holds no picture");
-    refused("jpeg2000.dcm", "TransferSyntaxUID", "packed with JPEG 2000 are not read; expected uncompressed");
+    refused("jpeg_ls.dcm", "TransferSyntaxUID", "packed with JPEG-LS are not read; expected uncompressed");
 }
 
 #[test]

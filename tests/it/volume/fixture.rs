@@ -25,7 +25,8 @@ fn the_ct_head_loads_with_its_geometry_and_range() {
     assert!(range[0] <= -1000.0 && range[1] >= 1000.0, "Hounsfield units of air and bone: {range:?}");
 
     let peeked = format::peek_path(name, directory, None).expect("the header is read");
-    assert_eq!(peeked, ([128, 128, 105], VoxelType::I16));
+    assert_eq!((peeked.dims, peeked.voxel_type), ([128, 128, 105], VoxelType::I16));
+    assert_eq!(peeked.spacing, Some([2.0; 3]));
 
     let bytes = std::fs::read(path).expect("the fixture is there");
     let uploaded = format::read_bytes(&bytes, Format::Nrrd, None, &Limits::default()).expect("the fixture loads");

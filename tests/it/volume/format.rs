@@ -125,7 +125,7 @@ fn files_are_loaded_by_path_inside_the_data_directory_only() {
     assert_eq!(load("ct/a.raw").expect("valid").voxels.len(), 24);
     assert_eq!(load("./ct/a.raw").expect("valid").voxels.len(), 24);
     let peeked = format::peek_path("ct/a.raw", &root, Some(&spec)).expect("valid");
-    assert_eq!(bytes_needed(peeked.0, peeked.1), Some(48));
+    assert_eq!(bytes_needed(peeked.dims, peeked.voxel_type), Some(48));
     let absolute = outside.path().join("secret.raw");
     for bad in ["../secret.raw", "ct/../../secret.raw", absolute.to_str().expect("text"), ""] {
         assert_names(load(bad), "path", "is not a relative path");

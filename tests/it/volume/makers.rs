@@ -44,7 +44,7 @@ pub(crate) struct Maker {
 }
 
 /// One for each format with a header.
-pub(crate) const MAKERS: [Maker; 8] = [
+pub(crate) const MAKERS: [Maker; 9] = [
     Maker { format: Format::Nrrd, has_spacing: true, has_axes: true, make: nrrd },
     Maker { format: Format::Nifti, has_spacing: true, has_axes: true, make: nifti },
     Maker { format: Format::MetaImage, has_spacing: true, has_axes: true, make: metaimage },
@@ -53,6 +53,7 @@ pub(crate) const MAKERS: [Maker; 8] = [
     Maker { format: Format::Vti, has_spacing: true, has_axes: true, make: vti },
     Maker { format: Format::Dicom, has_spacing: true, has_axes: true, make: dicom },
     Maker { format: Format::Tiff, has_spacing: true, has_axes: false, make: tiff },
+    Maker { format: Format::Zarr, has_spacing: true, has_axes: false, make: zarr },
 ];
 
 impl Maker {
@@ -231,4 +232,33 @@ pub(crate) fn tiff_file(data: &[u8], pages: &[Vec<[u32; 4]>]) -> Vec<u8> {
         file.extend(next.to_le_bytes());
     }
     file
+}
+
+/// A zip of files.
+pub(crate) fn zip_of(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in files {
+        archive.start_file(*name, stored).expect("memory is written");
+        archive.write_all(bytes).expect("memory is written");
+    }
+    archive.finish().expect("memory is written").into_inner()
+}
+
+fn zarr(made: &Made) -> Vec<u8> {
+    let ([x, y, z], [dx, dy, dz]) = (made.dims, made.spacing);
+    let [cx, cy, cz] = made.dims.map(|n| n.clamp(1, 64));
+    let group = format!(
+        "{{\"zarr_format\": 3, \"node_type\": \"group\", \"attributes\": {{\"ome\": {{\"version\": \"0.5\", \
+         \"multiscales\": [{{\"axes\": [{}], \"datasets\": [{{\"path\": \"0\", \"coordinateTransformations\": \
+         [{{\"type\": \"scale\", \"scale\": [{dz}, {dy}, {dx}]}}]}}]}}]}}}}}}",
+        ["z", "y", "x"].map(|name| format!("{{\"name\": \"{name}\", \"type\": \"space\"}}")).join(", ")
+    );
+    let array = format!(
+        "{{\"zarr_format\": 3, \"node_type\": \"array\", \"shape\": [{z}, {y}, {x}], \"data_type\": \"float32\", \
+         \"chunk_grid\": {{\"name\": \"regular\", \"configuration\": {{\"chunk_shape\": [{cz}, {cy}, {cx}]}}}}, \
+         \"chunk_key_encoding\": {{\"name\": \"default\"}}, \"fill_value\": 0, \
+         \"codecs\": [{{\"name\": \"bytes\", \"configuration\": {{\"endian\": \"little\"}}}}]}}"
+    );
+    zip_of(&[("zarr.json", group.as_bytes()), ("0/zarr.json", array.as_bytes()), ("0/c/0/0/0", &made.bytes())])
 }

@@ -25,6 +25,8 @@ mod tiff;
 mod voxels;
 mod vti;
 mod wrapping;
+mod zarr;
+mod zarr_errors;
 
 use proptest::test_runner::{Config as ProptestConfig, RngSeed};
 use spao_server::volume::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, nrrd as nrrd_format};

@@ -56,7 +56,7 @@ fn a_wrong_header_names_what_is_wrong() {
         (array("{'descr': '|u1"), "header", "is not a dictionary"),
         (described("[('a', '<u1')]", "False", "(60,)"), "descr", "records"),
         (described("'|O'", "False", "(3, 4, 5)"), "descr", "`|O` is not read"),
-        (described("'<f2'", "False", "(3, 4, 5)"), "descr", "`<f2` is not read"),
+        (described("'<f16'", "False", "(3, 4, 5)"), "descr", "`<f16` is not read"),
         (described("'<c8'", "False", "(3, 4, 5)"), "descr", "`<c8` is not read"),
         (described("'\u{e9}1'", "False", "(3, 4, 5)"), "descr", "is not read"),
         (described(BYTES, "Maybe", "(3, 4, 5)"), "header", "is not a dictionary"),

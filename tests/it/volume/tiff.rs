@@ -59,8 +59,11 @@ fn every_type_packing_and_metadata_is_read_as_tifffile_reads_it() {
         assert_as_expected(&volume, expected);
         assert!(!volume.about.patient_axes);
         let choice = Choice { channel, ..Choice::default() };
-        let peeked = format::peek_chosen(name, &folder(), None, &choice).expect("headers are enough");
-        assert_eq!(peeked, (volume.grid.dims, volume.voxels.voxel_type()), "{name}");
+        let peeked = format::peek_chosen(name, &folder(), None, &choice, &Limits::default());
+        let peeked = peeked.expect("headers are enough");
+        assert_eq!((peeked.dims, peeked.voxel_type), (volume.grid.dims, volume.voxels.voxel_type()), "{name}");
+        let is_placed = name.contains("ome") || name.contains("imagej");
+        assert_eq!(peeked.spacing, is_placed.then(|| volume.grid.spacing.to_array()), "{name}");
     }
 }
 
@@ -97,6 +100,28 @@ fn the_first_of_several_channels_is_shown_and_the_others_are_named() {
 fn a_plain_stack_says_that_its_spacing_is_not_known() {
     let notes = read_tiff(&fixture("u2.tif"), None).expect("valid").about.notes.join(" ");
     assert!(notes.contains("does not say how far apart"), "{notes}");
+}
+
+#[test]
+fn the_header_tells_how_voxels_are_stored_and_withholds_free_text() {
+    for (name, fields) in [
+        ("u2.tif", &[("VoxelType", "u16"), ("ImageWidth", "5")][..]),
+        ("ome_channels.ome.tif", &[("SizeC", "2"), ("SizeT", "2")][..]),
+        ("imagej.tif", &[("frames", "1")][..]),
+    ] {
+        let about = read_tiff(&fixture(name), None).expect("valid").about;
+        let (shown, withheld) = about.without_identity();
+        for (field, value) in fields {
+            assert!(shown.contains(&&((*field).to_owned(), (*value).to_owned())), "{name} lacks {field}: {shown:?}");
+        }
+        let text = format!("{shown:?}");
+        assert!(!text.contains("ImageDescription") && !text.contains("DAPI"), "{name}: {text}");
+        // Negative control: the description is there, with the names of channels.
+        let has_description = about.header.iter().any(|(name, _)| name == "ImageDescription");
+        assert_eq!(usize::from(has_description), withheld, "{name}");
+    }
+    let header = format!("{:?}", read_tiff(&fixture("ome_channels.ome.tif"), None).expect("valid").about.header);
+    assert!(header.contains("DAPI"), "{header}");
 }
 
 #[test]

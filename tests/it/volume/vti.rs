@@ -137,13 +137,19 @@ fn a_wrong_attribute_names_itself() {
     let piece = r#"<Piece Extent="0 1 0 1 0 2">"#;
     let cases = [
         (r#"type="ImageData""#, r#"type="UnstructuredGrid""#, "type", "`UnstructuredGrid` is not read"),
+        (r#"type="ImageData""#, r#"type="PImageData""#, "type", "a .pvti file only names others"),
         ("LittleEndian", "MiddleEndian", "byte_order", "MiddleEndian"),
         ("UInt32", "UInt16", "header_type", "UInt16"),
         (r#"version="1.0" byte"#, r#"compressor="vtkLZ4DataCompressor" byte"#, "compressor", "vtkLZ4DataCompressor"),
         (r#" WholeExtent="0 1 0 1 0 2""#, "", "WholeExtent", "missing"),
         (r#" WholeExtent="0 1 0 1 0 2""#, r#" WholeExtent="0 1 0 1""#, "WholeExtent", "6 numbers"),
-        (r#" WholeExtent="0 1 0 1 0 2""#, r#" WholeExtent="0 1 0 1 0 5""#, "Extent", "in one piece"),
-        (piece, &format!("{piece}{piece}"), "Piece", "several pieces"),
+        (r#" WholeExtent="0 1 0 1 0 2""#, r#" WholeExtent="0 1 0 1 0 5""#, "Extent", "do not fill the WholeExtent"),
+        (piece, &format!(r#"<Piece Extent="0 1 0 1 0 1"/>{piece}"#), "Extent", "overlap"),
+        (piece, &format!("{}{piece}", "<Piece Extent=\"0 1 0 1 0 0\"/>".repeat(64)), "Piece", "more than 64 pieces"),
+        (piece, r#"<Piece Extent="0 1 0 1 0 3">"#, "Extent", "is not within the WholeExtent"),
+        (piece, r#"<Piece Extent="0 1 0 1 0 1">"#, "Extent", "do not fill the WholeExtent"),
+        // A part that has no cells is no overlap.
+        (piece, &format!(r#"{piece}</Piece><Piece Extent="0 1 0 1 0 0">"#), "DataArray", "piece 0 has no array `d`"),
         (r#"Spacing="1 2 3""#, r#"Spacing="1 0 3""#, "Spacing", "0 is not a spacing"),
         (r#"Spacing="1 2 3""#, r#"Spacing="1 -2 3""#, "Spacing", "-2 is not a spacing"),
         (r#"Spacing="1 2 3""#, r#"Spacing="1 NaN 3""#, "Spacing", "NaN"),
