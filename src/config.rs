@@ -129,7 +129,7 @@ pub struct Limits {
     /// Most pixels of a picture along each axis.
     #[arg(long = "max-image", env = "SPAO_MAX_IMAGE", value_name = "PIXELS", default_value = "4096", value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub max_image_axis: u32,
-    /// Most resident volumes.
+    /// Most volumes, those on their way included.
     #[arg(long, env = "SPAO_MAX_VOLUMES", value_name = "COUNT", default_value = "64", value_parser = parse_count)]
     pub max_volumes: usize,
     /// Most scenes.

@@ -11,9 +11,10 @@ use serde_json::{Value, json};
 
 use super::AppState;
 use super::extract::{QueryParams, is_json, read_body, read_json, typed};
+use super::loads::{self, Blame, Origin, Wanted, blocking};
 use crate::config::Limits;
 use crate::error::{ApiError, ErrorCode};
-use crate::session::{LoadPermit, VolumeSource};
+use crate::session::{LoadPermit, VolumeSource, Waiting};
 use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, VolumeError, VoxelType, bytes_needed};
 
 /// Longest name of a volume, in characters.
@@ -29,13 +30,14 @@ struct UploadQuery {
     raw: Option<RawSpec>,
     choice: Choice,
     dry_run: bool,
+    wait: bool,
 }
 
 impl UploadQuery {
     fn read(mut query: QueryParams) -> Result<Self, ApiError> {
         let name = query.text("name")?.map(|name| checked_name("name", name)).transpose()?;
         let format = query.text("format")?;
-        let dry_run = query.flag("dry_run")?;
+        let (dry_run, wait) = (query.flag("dry_run")?, query.flag_or("wait", true)?);
         let (dims, voxel_type) = (query.text("dims")?, query.text("type")?);
         let (endian, spacing) = (query.text("endian")?, query.text("spacing")?);
         let series = query.text("series")?;
@@ -54,7 +56,7 @@ impl UploadQuery {
                 return Err(ApiError::invalid("type", "missing; raw voxels need dims=x,y,z and type"));
             }
         };
-        Ok(Self { name, format, raw, choice, dry_run })
+        Ok(Self { name, format, raw, choice, dry_run, wait })
     }
 }
 
@@ -65,7 +67,6 @@ pub(super) async fn create(
     request: Request,
 ) -> Result<Response, ApiError> {
     let query = UploadQuery::read(query)?;
-    // The line is entered before the body is read: bodies that wait cost nothing.
     let deadline = Limits::MAX_UPLOAD_TIME;
     tokio::time::timeout(deadline, create_within(state, query, request))
         .await
@@ -73,28 +74,36 @@ pub(super) async fn create(
 }
 
 async fn create_within(state: AppState, query: UploadQuery, request: Request) -> Result<Response, ApiError> {
-    let permit = state.loads.enter().await?;
-    let dry_run = query.dry_run;
-    let (name, source) = if query.format.is_none() && is_json(request.headers()) {
-        from_json(&state, query, read_json(request).await?).await?
+    let mut permit = state.loads.stand_in_line()?;
+    let (wait, dry_run) = (query.wait, query.dry_run);
+    let wanted = if query.format.is_none() && is_json(request.headers()) {
+        from_json(&state, query, read_json(request).await?)?
     } else {
+        // Bodies that wait cost nothing.
+        permit.wait_for_turn().await?;
         from_body(&state, query, request).await?
     };
     if dry_run {
-        return plan(&state, source, permit).await;
+        return plan(&state, wanted, permit).await;
     }
-    let place = state.volumes.reserve()?;
-    let (limits, blame) = (state.volume_limits(), Blame::of(&source));
-    // The permit goes with the work: it cannot be cancelled, even when the client goes away.
-    let (prepared, _permit) = blocking(move || (source.prepare(name, &limits), permit)).await?;
-    let entry = place.fill(prepared.map_err(|error| blame.error(error))?).await?;
-    let location = format!("/v1/volumes/{}", entry.id);
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(state.volumes.to_json(&entry))).into_response())
+    let waiting = if wait { Waiting::Asker } else { Waiting::Nobody };
+    let place = state.volumes.reserve(wanted.name(), wanted.to_json(), waiting)?;
+    let location = format!("/v1/volumes/{}", place.loading().id());
+    let headers = [(header::LOCATION, location)];
+    if wait {
+        let entry = loads::run(&state, &place, wanted, permit).await?;
+        return Ok((StatusCode::CREATED, headers, Json(state.volumes.to_json(&entry))).into_response());
+    }
+    let json = place.loading().to_json();
+    loads::start(state, place, wanted, permit);
+    Ok((StatusCode::ACCEPTED, headers, Json(json)).into_response())
 }
 
 /// The answer to a dry run: what the volume would need.
-async fn plan(state: &AppState, source: VolumeSource, permit: LoadPermit) -> Result<Response, ApiError> {
+async fn plan(state: &AppState, wanted: Wanted, mut permit: LoadPermit) -> Result<Response, ApiError> {
+    permit.wait_for_turn().await?;
     let limits = state.volume_limits();
+    let source = wanted.fetch(state, &|_, _| ()).await?;
     let blame = Blame::of(&source);
     let (peeked, _permit) = blocking(move || (source.peek(&limits), permit)).await?;
     let (dims, voxel_type) = peeked.map_err(|error| blame.error(error))?;
@@ -122,15 +131,7 @@ async fn plan(state: &AppState, source: VolumeSource, permit: LoadPermit) -> Res
     .into_response())
 }
 
-async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, ApiError> {
-    tokio::task::spawn_blocking(work).await.map_err(ApiError::internal)
-}
-
-async fn from_body(
-    state: &AppState,
-    query: UploadQuery,
-    request: Request,
-) -> Result<(Option<String>, VolumeSource), ApiError> {
+async fn from_body(state: &AppState, query: UploadQuery, request: Request) -> Result<Wanted, ApiError> {
     let content_type = request.headers().get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
     let content_type = content_type.map(str::to_owned);
     if let Some(name) = &query.format {
@@ -139,7 +140,8 @@ async fn from_body(
     }
     let bytes = read_body(request, state.limits.max_upload_bytes, state.limits.request_timeout).await?;
     let format = Format::detect(query.format.as_deref(), content_type.as_deref(), &bytes)?;
-    Ok((query.name, VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice }))
+    let source = VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice };
+    Ok(Wanted { name: query.name, origin: Origin::Here(source) })
 }
 
 /// Body of `POST /v1/volumes` as JSON.
@@ -161,11 +163,7 @@ struct JsonSource {
     procedural: Option<ProceduralSpec>,
 }
 
-async fn from_json(
-    state: &AppState,
-    query: UploadQuery,
-    body: Value,
-) -> Result<(Option<String>, VolumeSource), ApiError> {
+fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<Wanted, ApiError> {
     if query.raw.is_some() {
         return Err(ApiError::invalid("dims", "only for a body of voxels, not for JSON"));
     }
@@ -179,19 +177,15 @@ async fn from_json(
     if path.is_none() && url.is_none() && choice != Choice::default() {
         return Err(ApiError::invalid("source.series", "goes with `path` or `url`, as does `channel`"));
     }
-    let source = match (path, url, procedural) {
-        (Some(path), None, None) => VolumeSource::Path { path, choice, data_dir: data_dir(state)? },
-        (None, Some(url), None) => {
-            let file = state.sources.fetch(&url, state.limits.max_upload_bytes).await?;
-            let format = Format::of_fetched(&file.name, file.content_type.as_deref(), &file.bytes)?;
-            VolumeSource::Fetched { url: file.url, bytes: file.bytes, format, choice }
-        }
-        (None, None, Some(spec)) => VolumeSource::Procedural(spec),
+    let origin = match (path, url, procedural) {
+        (Some(path), None, None) => Origin::Here(VolumeSource::Path { path, choice, data_dir: data_dir(state)? }),
+        (None, Some(url), None) => Origin::Elsewhere { url: state.sources.admit(&url)?, choice },
+        (None, None, Some(spec)) => Origin::Here(VolumeSource::Procedural(spec)),
         _ => {
             return Err(ApiError::invalid("source", "expected exactly one of `path`, `url` and `procedural`"));
         }
     };
-    Ok((name, source))
+    Ok(Wanted { name, origin })
 }
 
 fn data_dir(state: &AppState) -> Result<PathBuf, ApiError> {
@@ -204,48 +198,6 @@ fn checked_name(path: &str, name: String) -> Result<String, ApiError> {
         return Err(ApiError::invalid(path, message));
     }
     Ok(name)
-}
-
-/// What of a request its volume errors are about.
-#[derive(Clone, Copy)]
-enum Blame {
-    Body,
-    Path,
-    Procedural,
-}
-
-impl Blame {
-    fn of(source: &VolumeSource) -> Self {
-        match source {
-            VolumeSource::Upload { .. } | VolumeSource::Fetched { .. } => Self::Body,
-            VolumeSource::Path { .. } => Self::Path,
-            VolumeSource::Procedural(_) => Self::Procedural,
-        }
-    }
-
-    /// A field of the JSON body is invalid where a file is malformed.
-    fn error(self, error: VolumeError) -> ApiError {
-        match (self, error) {
-            (Self::Procedural, VolumeError::Malformed { field, message }) => {
-                ApiError::invalid(&format!("source.procedural.{field}"), message)
-            }
-            (Self::Path, VolumeError::Malformed { field, message })
-                if matches!(field.as_str(), "path" | "series" | "channel") =>
-            {
-                ApiError::invalid(&format!("source.{field}"), message)
-            }
-            (Self::Body, VolumeError::Malformed { field, message })
-                if matches!(field.as_str(), "series" | "channel") =>
-            {
-                ApiError::invalid(&field, message)
-            }
-            // Only the kind: the system's message may say more than the client should know.
-            (Self::Path, VolumeError::Io { field, source }) if field == "path" => {
-                ApiError::invalid("source.path", source.kind())
-            }
-            (_, other) => other.into(),
-        }
-    }
 }
 
 fn channel_number(text: &str) -> Result<u32, ApiError> {

@@ -24,6 +24,7 @@ mod nifti;
 mod npy;
 pub mod nrrd;
 mod paths;
+mod prepare;
 mod probe;
 pub mod procedural;
 mod raw;
@@ -33,6 +34,7 @@ mod slice;
 mod tiff;
 mod voxels;
 mod vti;
+mod watch;
 mod wrap;
 
 pub use about::About;
@@ -46,16 +48,16 @@ pub use histogram::{Histogram, MAX_BINS};
 pub use input::Choice;
 pub use limits::{Limits, bytes_needed};
 pub use listing::{ListedFile, Listing, list_directory};
+pub use prepare::Derived;
 pub use probe::Probe;
 pub use procedural::{ProceduralKind, ProceduralSpec};
 pub use raw::RawSpec;
 pub use slice::{LARGEST_THUMBNAIL, SliceAxis, SliceSize, slice_orientation};
 pub use voxels::{Endian, VoxelStatistics, VoxelType, Voxels};
+pub use watch::{LoadProgress, LoadStage, LoadWatch};
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
-
-use sha2::{Digest, Sha256};
 
 /// Name of a resident volume, as clients see it (`v_3f2a`).
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -126,24 +128,5 @@ impl Volume {
         assert!(i < nx && j < ny, "voxel ({i}, {j}, {k}) is outside {:?}", self.grid.dims);
         let value = self.voxels.value((k as usize * ny as usize + j as usize) * nx as usize + i as usize);
         if value.is_nan() { self.code_map.lowest } else { value }
-    }
-
-    /// SHA-256 of what the volume is, as 64 hex digits: dims, voxel type, geometry and voxels, in that order and in
-    /// little-endian bytes, so that the same volume has the same sum whatever file it came from.
-    pub fn sha256_hex(&self) -> String {
-        let mut sha = Sha256::new();
-        for n in self.grid.dims {
-            sha.update(n.to_le_bytes());
-        }
-        sha.update(self.voxels.voxel_type().name());
-        let [x, y, z] = self.grid.direction;
-        for v in [self.grid.spacing, self.grid.origin, x, y, z] {
-            for component in v.to_array() {
-                // Adding 0 turns -0 into 0.
-                sha.update((component + 0.0).to_le_bytes());
-            }
-        }
-        sha.update(self.voxels.little_endian_bytes());
-        sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }

@@ -8,6 +8,7 @@ mod files;
 mod frames;
 mod hostile;
 mod keys;
+mod loads;
 mod openapi;
 mod process;
 mod scenes;

@@ -24,6 +24,7 @@ mod procedural;
 mod tiff;
 mod voxels;
 mod vti;
+mod watch;
 mod wrapping;
 
 use proptest::test_runner::{Config as ProptestConfig, RngSeed};
