@@ -13,7 +13,7 @@ use tokio::sync::oneshot;
 use crate::api::{AppState, Phase, router};
 use crate::config::ServeArgs;
 use crate::render_thread::{RenderHandle, RenderThread};
-use crate::session::{VolumeSource, Waiting};
+use crate::session::{LoadRequest, Waiting};
 
 /// Id of the scene of the first volume on the command line.
 const DEFAULT_SCENE: &str = "default";
@@ -69,13 +69,13 @@ pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()>
 
 /// Loads the volumes of the command line, each with a default scene.
 async fn preload(state: &AppState, volumes: &[String]) -> anyhow::Result<()> {
-    let limits = state.volume_limits();
+    let (limits, room) = (state.volume_limits(), state.room());
     for (number, argument) in volumes.iter().enumerate() {
         let failed = || format!("cannot load {argument}");
-        let source = VolumeSource::from_argument(argument).with_context(failed)?;
-        let place = state.volumes.reserve(source.default_name(), source.to_json(), Waiting::Asker)?;
+        let request = LoadRequest::from_argument(argument).with_context(failed)?;
+        let place = state.volumes.reserve(request.source.default_name(), request.to_json(), Waiting::Asker)?;
         let loading = place.loading().clone();
-        let prepared = tokio::task::spawn_blocking(move || source.prepare_for(&loading, &limits));
+        let prepared = tokio::task::spawn_blocking(move || request.prepare_for(&loading, &limits, &room));
         let entry = place.fill(prepared.await?.with_context(failed)?).await.with_context(failed)?;
         let document = json!({ "volume": entry.id.0 });
         // The first scene has a name that can be written down.

@@ -7,7 +7,7 @@ use tracing::Instrument;
 
 use super::AppState;
 use crate::error::ApiError;
-use crate::session::{LoadPermit, NewVolume, Place, VolumeEntry, VolumeSource};
+use crate::session::{Extent, LoadPermit, LoadRequest, NewVolume, Place, VolumeEntry, VolumeSource};
 use crate::sources::{SourceUrl, Told};
 use crate::volume::format::bare_name;
 use crate::volume::{Choice, Format, LoadStage, VolumeError};
@@ -17,6 +17,7 @@ pub(super) struct Wanted {
     /// For people.
     pub(super) name: Option<String>,
     pub(super) origin: Origin,
+    pub(super) extent: Extent,
 }
 
 /// Where it is.
@@ -39,24 +40,26 @@ impl Wanted {
 
     /// The source as the API shows it.
     pub(super) fn to_json(&self) -> Value {
-        match &self.origin {
+        self.extent.add_to(match &self.origin {
             Origin::Here(source) => source.to_json(),
             Origin::Elsewhere { url, .. } => json!({ "url": url.shown() }),
-        }
+        })
     }
 
-    /// The source, at hand.
+    /// The same with its file at hand.
     ///
     /// # Errors
     /// Those of the other server; `unknown_format`.
-    pub(super) async fn fetch(self, state: &AppState, told: Told<'_>) -> Result<VolumeSource, ApiError> {
+    pub(super) async fn fetch(self, state: &AppState, told: Told<'_>) -> Result<LoadRequest, ApiError> {
+        let extent = self.extent;
         let (url, choice) = match self.origin {
-            Origin::Here(source) => return Ok(source),
+            Origin::Here(source) => return Ok(LoadRequest { source, extent }),
             Origin::Elsewhere { url, choice } => (url, choice),
         };
         let file = state.sources.fetch(&url, state.limits.max_upload_bytes, told).await?;
         let format = Format::of_fetched(url.file_name(), file.content_type.as_deref(), &file.bytes)?;
-        Ok(VolumeSource::Fetched { url: url.shown(), bytes: file.bytes, format, choice })
+        let source = VolumeSource::Fetched { url: url.shown(), bytes: file.bytes, format, choice };
+        Ok(LoadRequest { source, extent })
     }
 }
 
@@ -106,10 +109,10 @@ async fn prepare(
         let fraction = all.map_or(0.0, |all| come as f64 / all.max(1) as f64);
         watch.report(LoadStage::Fetching, fraction);
     };
-    let source = wanted.fetch(state, &told).await?;
-    let (limits, blame) = (state.volume_limits(), Blame::of(&source));
+    let request = wanted.fetch(state, &told).await?;
+    let (limits, room, blame) = (state.volume_limits(), state.room(), Blame::of(&request.source));
     // The permit goes with the work, which goes on for a moment after whoever waits for it has left.
-    let (prepared, permit) = blocking(move || (source.prepare_for(&loading, &limits), permit)).await?;
+    let (prepared, permit) = blocking(move || (request.prepare_for(&loading, &limits, &room), permit)).await?;
     Ok((prepared.map_err(|error| blame.error(error))?, permit))
 }
 
@@ -122,6 +125,7 @@ pub(super) async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send 
 #[derive(Clone, Copy)]
 pub(super) enum Blame {
     Body,
+    Url,
     Path,
     Procedural,
 }
@@ -129,7 +133,8 @@ pub(super) enum Blame {
 impl Blame {
     pub(super) fn of(source: &VolumeSource) -> Self {
         match source {
-            VolumeSource::Upload { .. } | VolumeSource::Fetched { .. } => Self::Body,
+            VolumeSource::Upload { .. } => Self::Body,
+            VolumeSource::Fetched { .. } => Self::Url,
             VolumeSource::Path { .. } => Self::Path,
             VolumeSource::Procedural(_) => Self::Procedural,
         }
@@ -138,6 +143,12 @@ impl Blame {
     /// A field of the JSON body is invalid where a file is malformed.
     pub(super) fn error(self, error: VolumeError) -> ApiError {
         match (self, error) {
+            (Self::Body, VolumeError::Malformed { field, message }) if field == "region" => {
+                ApiError::invalid("region", message)
+            }
+            (_, VolumeError::Malformed { field, message }) if field == "region" => {
+                ApiError::invalid("source.region", message)
+            }
             (Self::Procedural, VolumeError::Malformed { field, message }) => {
                 ApiError::invalid(&format!("source.procedural.{field}"), message)
             }
@@ -146,7 +157,7 @@ impl Blame {
             {
                 ApiError::invalid(&format!("source.{field}"), message)
             }
-            (Self::Body, VolumeError::Malformed { field, message })
+            (Self::Body | Self::Url, VolumeError::Malformed { field, message })
                 if matches!(field.as_str(), "series" | "channel") =>
             {
                 ApiError::invalid(&field, message)

@@ -14,14 +14,12 @@ use super::extract::{QueryParams, is_json, read_body, read_json, typed};
 use super::loads::{self, Blame, Origin, Wanted, blocking};
 use crate::config::Limits;
 use crate::error::{ApiError, ErrorCode};
-use crate::session::{LoadPermit, VolumeSource, Waiting};
-use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, VolumeError, VoxelType, bytes_needed};
+use crate::renderer::GpuNeed;
+use crate::session::{Extent, LoadPermit, Plan, Reduce, VolumeSource, Waiting};
+use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, Region, VolumeError, bytes_needed, parse_region};
 
 /// Longest name of a volume, in characters.
 const MAX_NAME: usize = 200;
-
-/// Bytes of a voxel's precomputed gradient.
-const GRADIENT_BYTES: u64 = 4;
 
 /// What the query string says about a volume.
 struct UploadQuery {
@@ -29,6 +27,7 @@ struct UploadQuery {
     format: Option<String>,
     raw: Option<RawSpec>,
     choice: Choice,
+    extent: Extent,
     dry_run: bool,
     wait: bool,
 }
@@ -42,6 +41,8 @@ impl UploadQuery {
         let (endian, spacing) = (query.text("endian")?, query.text("spacing")?);
         let series = query.text("series")?;
         let channel = query.text("channel")?.map(|text| channel_number(&text)).transpose()?;
+        let region = query.text("region")?.map(|text| parse_region(&text).map_err(in_query)).transpose()?;
+        let reduce = query.choice("reduce", "auto or never", Reduce::from_name)?.unwrap_or_default();
         query.finish()?;
         let choice = Choice { series, channel };
         let raw = match (&dims, &voxel_type) {
@@ -56,7 +57,7 @@ impl UploadQuery {
                 return Err(ApiError::invalid("type", "missing; raw voxels need dims=x,y,z and type"));
             }
         };
-        Ok(Self { name, format, raw, choice, dry_run, wait })
+        Ok(Self { name, format, raw, choice, extent: Extent { region, reduce }, dry_run, wait })
     }
 }
 
@@ -102,31 +103,28 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
 /// The answer to a dry run: what the volume would need.
 async fn plan(state: &AppState, wanted: Wanted, mut permit: LoadPermit) -> Result<Response, ApiError> {
     permit.wait_for_turn().await?;
-    let limits = state.volume_limits();
-    let source = wanted.fetch(state, &|_, _| ()).await?;
-    let blame = Blame::of(&source);
-    let (peeked, _permit) = blocking(move || (source.peek(&limits), permit)).await?;
-    let (dims, voxel_type) = peeked.map_err(|error| blame.error(error))?;
-    let voxels = bytes_needed(dims, VoxelType::U8).unwrap_or(u64::MAX);
-    let texel_bytes = match voxel_type.bytes() {
-        1 => 1,
-        _ if state.renderer.info().texture_16bit_norm => 2,
-        _ => 4,
-    };
-    // Values and gradients. Integers of a narrow range may turn out to need less.
-    let gpu_bytes = voxels.saturating_mul(texel_bytes + GRADIENT_BYTES);
+    let (limits, room) = (state.volume_limits(), state.room());
+    let request = wanted.fetch(state, &|_, _| ()).await?;
+    let blame = Blame::of(&request.source);
+    let (plan, _permit) = blocking(move || (request.plan(&limits, &room), permit)).await?;
+    let Plan { dims, voxel_type, resolution } = plan.map_err(|error| blame.error(error))?;
+    // Integers of a narrow range may turn out to need less.
+    let GpuNeed { volume_bytes, occlusion_bytes } = room.need(dims, voxel_type.bytes().min(2));
     let memory = state.renderer.memory();
+    let fits_axes = dims.iter().all(|&n| n <= room.max_axis);
     Ok(Json(json!({
         "dry_run": true,
         "dims": dims,
         "voxel_type": voxel_type,
+        "resolution": resolution,
         "host_bytes": bytes_needed(dims, voxel_type),
-        "gpu_bytes": gpu_bytes,
+        "gpu_bytes": volume_bytes,
+        "occlusion_bytes": occlusion_bytes,
         "gpu_budget_bytes": memory.budget_bytes,
         "gpu_used_bytes": memory.used_bytes,
         // What is there already makes room where it can.
-        "fits": gpu_bytes <= memory.budget_bytes,
-        "fits_beside_others": gpu_bytes <= memory.budget_bytes.saturating_sub(memory.used_bytes),
+        "fits": fits_axes && volume_bytes <= memory.budget_bytes,
+        "fits_beside_others": fits_axes && volume_bytes <= memory.budget_bytes.saturating_sub(memory.used_bytes),
     }))
     .into_response())
 }
@@ -141,7 +139,7 @@ async fn from_body(state: &AppState, query: UploadQuery, request: Request) -> Re
     let bytes = read_body(request, state.limits.max_upload_bytes, state.limits.request_timeout).await?;
     let format = Format::detect(query.format.as_deref(), content_type.as_deref(), &bytes)?;
     let source = VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice };
-    Ok(Wanted { name: query.name, origin: Origin::Here(source) })
+    Ok(Wanted { name: query.name, origin: Origin::Here(source), extent: query.extent })
 }
 
 /// Body of `POST /v1/volumes` as JSON.
@@ -150,6 +148,7 @@ async fn from_body(state: &AppState, query: UploadQuery, request: Request) -> Re
 struct JsonRequest {
     name: Option<String>,
     source: JsonSource,
+    reduce: Option<Reduce>,
 }
 
 /// Exactly one of these.
@@ -161,6 +160,7 @@ struct JsonSource {
     channel: Option<u32>,
     url: Option<String>,
     procedural: Option<ProceduralSpec>,
+    region: Option<Region>,
 }
 
 fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<Wanted, ApiError> {
@@ -170,9 +170,12 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<Wanted
     if query.choice != Choice::default() {
         return Err(ApiError::invalid("series", "goes with the path in JSON, as does `channel`"));
     }
-    let JsonRequest { name, source } = typed(body)?;
+    if query.extent.region.is_some() {
+        return Err(ApiError::invalid("region", "goes into `source` in JSON"));
+    }
+    let JsonRequest { name, source, reduce } = typed(body)?;
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);
-    let JsonSource { path, series, channel, url, procedural } = source;
+    let JsonSource { path, series, channel, url, procedural, region } = source;
     let choice = Choice { series, channel };
     if path.is_none() && url.is_none() && choice != Choice::default() {
         return Err(ApiError::invalid("source.series", "goes with `path` or `url`, as does `channel`"));
@@ -185,7 +188,8 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<Wanted
             return Err(ApiError::invalid("source", "expected exactly one of `path`, `url` and `procedural`"));
         }
     };
-    Ok(Wanted { name, origin })
+    let extent = Extent { region, reduce: reduce.unwrap_or(query.extent.reduce) };
+    Ok(Wanted { name, origin, extent })
 }
 
 fn data_dir(state: &AppState) -> Result<PathBuf, ApiError> {

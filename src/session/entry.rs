@@ -71,6 +71,7 @@ pub fn describe(volume: &Volume) -> Value {
         "direction": grid.direction.map(|axis| axis.to_array()),
         "voxel_type": volume.voxels.voxel_type(),
         "value_range": volume.code_map.value_range(),
+        "resolution": volume.resolution,
     })
 }
 
@@ -78,6 +79,7 @@ pub fn describe(volume: &Volume) -> Value {
 pub(super) fn describe_nothing() -> Value {
     json!({
         "dims": null, "spacing": null, "origin": null, "direction": null, "voxel_type": null, "value_range": null,
+        "resolution": null,
     })
 }
 

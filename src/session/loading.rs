@@ -1,19 +1,13 @@
 //! From a source of voxels to a volume in host memory.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::entry::NewVolume;
-use super::place::Loading;
 use crate::volume::format::{bare_name, load_watched, peek_chosen, read_watched};
 use crate::volume::{
-    Choice, Derived, Format, Limits, LoadWatch, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType,
+    Choice, Format, Limits, LoadWatch, ProceduralKind, ProceduralSpec, RawSpec, Volume, VolumeError, VoxelType,
 };
-
-/// Bins that a scene's defaults are derived from.
-const FACT_BINS: u32 = 256;
 
 /// Where voxels come from.
 #[derive(Clone, Debug)]
@@ -135,35 +129,6 @@ impl VolumeSource {
         };
         limits.check("dims", dims, voxel_type)?;
         Ok((dims, voxel_type))
-    }
-
-    /// [`VolumeSource::load`], and all that is derived from the voxels.
-    ///
-    /// # Errors
-    /// What is wrong with the source.
-    pub fn prepare(self, name: Option<String>, limits: &Limits) -> Result<NewVolume, VolumeError> {
-        let watch = LoadWatch::default();
-        let volume = self.load(limits, &watch)?;
-        NewVolume::derive(name.unwrap_or_else(|| self.default_name()), volume, &watch)
-    }
-
-    /// [`VolumeSource::prepare`] for a place among the volumes, which is told what comes and how far it is.
-    ///
-    /// # Errors
-    /// What is wrong with the source; [`VolumeError::Cancelled`].
-    pub fn prepare_for(self, loading: &Loading, limits: &Limits) -> Result<NewVolume, VolumeError> {
-        let volume = self.load(limits, loading.watch())?;
-        // A file in memory is of no use any more.
-        drop(self);
-        loading.reveal(&volume);
-        NewVolume::derive(loading.name.clone(), volume, loading.watch())
-    }
-}
-
-impl NewVolume {
-    fn derive(name: String, volume: Volume, watch: &LoadWatch) -> Result<Self, VolumeError> {
-        let Derived { histogram, sha256 } = volume.derive(FACT_BINS, watch)?;
-        Ok(Self { name, histogram, sha256, volume: Arc::new(volume) })
     }
 }
 

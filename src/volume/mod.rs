@@ -5,6 +5,7 @@
 mod about;
 mod archive;
 mod ascii;
+mod average;
 mod bricks;
 mod code_map;
 mod codes;
@@ -28,6 +29,7 @@ mod prepare;
 mod probe;
 pub mod procedural;
 mod raw;
+mod resolution;
 mod sample;
 mod scaled;
 mod slice;
@@ -52,6 +54,7 @@ pub use prepare::Derived;
 pub use probe::Probe;
 pub use procedural::{ProceduralKind, ProceduralSpec};
 pub use raw::RawSpec;
+pub use resolution::{Region, Resolution, factor_that_fits, parse_region, reduced_dims, region_dims};
 pub use slice::{LARGEST_THUMBNAIL, SliceAxis, SliceSize, slice_orientation};
 pub use voxels::{Endian, VoxelStatistics, VoxelType, Voxels};
 pub use watch::{LoadProgress, LoadStage, LoadWatch};
@@ -82,6 +85,8 @@ pub struct Volume {
     pub nan_count: u64,
     /// What its file says besides, if it came from one.
     pub about: About,
+    /// How much of its source this is.
+    pub resolution: Resolution,
     /// See [`Volume::bricks`].
     bricks: OnceLock<Arc<Bricks>>,
 }
@@ -107,7 +112,8 @@ impl Volume {
         } else {
             CodeMap::for_floats(lowest, highest)
         };
-        Ok(Self { grid, voxels, code_map, nan_count, about: About::default(), bricks: OnceLock::new() })
+        let resolution = Resolution::full(grid.dims);
+        Ok(Self { grid, voxels, code_map, nan_count, about: About::default(), resolution, bricks: OnceLock::new() })
     }
 
     /// The same volume with this said about it.

@@ -179,7 +179,7 @@ async fn a_failure_that_nobody_waited_for_stays_listed_until_it_is_deleted() {
     assert_eq!(failed["error"]["details"], json!({ "path": "dims" }));
     let message = failed["error"]["message"].as_str().expect("a text");
     assert!(message.contains("24 bytes") && failed.get("progress").is_none(), "{failed}");
-    assert_eq!(listed(&server).await, [failed.clone()]);
+    assert_eq!(listed(&server).await, std::slice::from_ref(&failed));
     let refused = server.post("/v1/scenes", &json!({ "volume": failed["id"] })).await;
     assert_eq!((refused.status.as_u16(), refused.code().as_str()), (409, "volume_not_ready"));
     assert_eq!((refused.header("retry-after"), refused.path().as_str()), ("", "volume"));

@@ -11,6 +11,7 @@ mod keys;
 mod loads;
 mod openapi;
 mod process;
+mod reduced;
 mod scenes;
 mod slices;
 mod volumes;

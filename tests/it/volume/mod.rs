@@ -1,5 +1,6 @@
 //! Volumes: voxels, codes, histograms, files and procedural volumes.
 
+mod average;
 mod bricks;
 mod code_map;
 mod dicom;
