@@ -13,7 +13,7 @@ use tokio::sync::oneshot;
 use crate::api::{AppState, Phase, router};
 use crate::config::ServeArgs;
 use crate::render_thread::{RenderHandle, RenderThread};
-use crate::session::VolumeSource;
+use crate::session::{LoadRequest, Waiting};
 
 /// Id of the scene of the first volume on the command line.
 const DEFAULT_SCENE: &str = "default";
@@ -69,13 +69,14 @@ pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()>
 
 /// Loads the volumes of the command line, each with a default scene.
 async fn preload(state: &AppState, volumes: &[String]) -> anyhow::Result<()> {
-    let limits = state.volume_limits();
+    let (limits, room) = (state.volume_limits(), state.room());
     for (number, argument) in volumes.iter().enumerate() {
-        let named = argument.clone();
-        let prepared = tokio::task::spawn_blocking(move || VolumeSource::from_argument(&named)?.prepare(None, &limits));
-        let prepared = prepared.await?.with_context(|| format!("cannot load {argument}"))?;
-        let place = state.volumes.reserve()?;
-        let entry = place.fill(prepared).await.with_context(|| format!("cannot load {argument}"))?;
+        let failed = || format!("cannot load {argument}");
+        let request = LoadRequest::from_argument(argument).with_context(failed)?;
+        let place = state.volumes.reserve(request.source.default_name(), request.to_json(), Waiting::Asker)?;
+        let loading = place.loading().clone();
+        let prepared = tokio::task::spawn_blocking(move || request.prepare_for(&loading, &limits, &room));
+        let entry = place.fill(prepared.await?.with_context(failed)?).await.with_context(failed)?;
         let document = json!({ "volume": entry.id.0 });
         // The first scene has a name that can be written down.
         let scene = match number {
@@ -152,8 +153,11 @@ async fn drain(
     let deadline = Instant::now() + timeout;
     let left = || deadline.saturating_duration_since(Instant::now());
     state.lifecycle.enter(Phase::Draining);
+    // Nobody will ask for what nobody waits for.
+    state.volumes.cancel_loads(Some(Waiting::Nobody));
     // The listener stays open until then, so that probes see why nothing is served.
     let idle = state.lifecycle.idle(left()).await;
+    state.volumes.cancel_loads(None);
     let _ = stop.send(());
     let abort = server.abort_handle();
     let closed = tokio::time::timeout(left(), server).await.is_ok();

@@ -97,7 +97,7 @@ pub struct ServeArgs {
     #[arg(long, env = "SPAO_KEEP_IDENTITY", value_parser = clap::builder::BoolishValueParser::new(), num_args = 0..=1, default_missing_value = "true", default_value = "false")]
     pub keep_identity: bool,
     /// Volume to load at the start, with a default scene: a file (of several, `FILE#series=4` or
-    /// `FILE#channel=1`), or `procedural:KIND:SIZE`; may be given several times.
+    /// `FILE#channel=1`; a part, `FILE#region=X0,Y0,Z0,X1,Y1,Z1`), or `procedural:KIND:SIZE`; may be given several times.
     #[arg(long = "volume", env = "SPAO_VOLUME", value_name = "VOLUME")]
     pub volumes: Vec<String>,
     /// Origin that browsers may call from, or `*`; may be given several times.
@@ -129,7 +129,7 @@ pub struct Limits {
     /// Most pixels of a picture along each axis.
     #[arg(long = "max-image", env = "SPAO_MAX_IMAGE", value_name = "PIXELS", default_value = "4096", value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub max_image_axis: u32,
-    /// Most resident volumes.
+    /// Most volumes, those on their way included.
     #[arg(long, env = "SPAO_MAX_VOLUMES", value_name = "COUNT", default_value = "64", value_parser = parse_count)]
     pub max_volumes: usize,
     /// Most scenes.
@@ -169,7 +169,7 @@ pub enum LogFormat {
 /// Arguments of `render`.
 #[derive(Args, Clone, Debug)]
 pub struct RenderArgs {
-    /// A volume file (of several, `FILE#series=4` or `FILE#channel=1`), or `procedural:KIND:SIZE`.
+    /// A volume file (of several, `FILE#series=4` or `FILE#channel=1`; a part, `FILE#region=X0,Y0,Z0,X1,Y1,Z1`), or `procedural:KIND:SIZE`.
     pub volume: String,
     /// Scene document (JSON); its `volume` may be missing. Without it: the default scene.
     #[arg(long, value_name = "FILE")]
@@ -194,7 +194,7 @@ pub struct RenderArgs {
 /// Arguments of `ao`. Flags override the scene's `ambient_occlusion`.
 #[derive(Args, Clone, Debug)]
 pub struct AoArgs {
-    /// A volume file (of several, `FILE#series=4` or `FILE#channel=1`), or `procedural:KIND:SIZE`.
+    /// A volume file (of several, `FILE#series=4` or `FILE#channel=1`; a part, `FILE#region=X0,Y0,Z0,X1,Y1,Z1`), or `procedural:KIND:SIZE`.
     pub volume: String,
     /// Scene document (JSON); its `volume` may be missing. Without it: the default scene.
     #[arg(long, value_name = "FILE")]
@@ -231,7 +231,7 @@ pub struct AoArgs {
 /// Arguments of `inspect`.
 #[derive(Args, Clone, Debug)]
 pub struct InspectArgs {
-    /// A volume file (of several, `FILE#series=4` or `FILE#channel=1`), or `procedural:KIND:SIZE`.
+    /// A volume file (of several, `FILE#series=4` or `FILE#channel=1`; a part, `FILE#region=X0,Y0,Z0,X1,Y1,Z1`), or `procedural:KIND:SIZE`.
     pub volume: String,
     /// Bins of the histogram summary.
     #[arg(long, default_value = "16", value_parser = clap::value_parser!(u32).range(1..=i64::from(Limits::MAX_HISTOGRAM_BINS)))]

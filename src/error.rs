@@ -37,6 +37,10 @@ pub enum ErrorCode {
     RevisionMismatch,
     /// A scene looks at the volume.
     VolumeInUse,
+    /// The volume is still being loaded, or could not be loaded.
+    VolumeNotReady,
+    /// The volume was deleted while it was loaded.
+    VolumeCancelled,
     /// There is no earlier (or later) revision.
     NothingToUndo,
     /// More than the server's limits allow.
@@ -67,7 +71,7 @@ pub enum ErrorCode {
 
 impl ErrorCode {
     /// Every code, in the order of its status.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 26] = [
         Self::Malformed,
         Self::Unauthorized,
         Self::ForbiddenOrigin,
@@ -79,6 +83,8 @@ impl ErrorCode {
         Self::RequestTimeout,
         Self::RevisionMismatch,
         Self::VolumeInUse,
+        Self::VolumeNotReady,
+        Self::VolumeCancelled,
         Self::NothingToUndo,
         Self::TooLarge,
         Self::UnknownFormat,
@@ -108,6 +114,8 @@ impl ErrorCode {
             Self::RequestTimeout => ("request_timeout", 408),
             Self::RevisionMismatch => ("revision_mismatch", 409),
             Self::VolumeInUse => ("volume_in_use", 409),
+            Self::VolumeNotReady => ("volume_not_ready", 409),
+            Self::VolumeCancelled => ("volume_cancelled", 409),
             Self::NothingToUndo => ("nothing_to_undo", 409),
             Self::TooLarge => ("too_large", 413),
             Self::UnknownFormat => ("unknown_format", 415),
@@ -157,6 +165,22 @@ impl ApiError {
         self
     }
 
+    /// The same with one more detail.
+    #[must_use]
+    pub fn with_detail(mut self, name: &str, value: impl Into<Value>) -> Self {
+        self.details.get_or_insert_with(|| json!({}))[name] = value.into();
+        self
+    }
+
+    /// The failure as bodies have it, but for the request id.
+    pub fn to_json(&self) -> Value {
+        let mut json = json!({ "code": self.code.name_and_status().0, "message": self.message });
+        if let Some(details) = &self.details {
+            json["details"] = details.clone();
+        }
+        json
+    }
+
     /// An invalid field; `path` as in `camera.fov_y_deg`, `$` is the document itself.
     pub fn invalid(path: &str, message: impl fmt::Display) -> Self {
         Self::new(ErrorCode::Invalid, format!("{path}: {message}")).with_details(json!({ "path": path }))
@@ -171,6 +195,11 @@ impl ApiError {
     pub fn volume_not_found(id: &impl fmt::Display) -> Self {
         Self::new(ErrorCode::VolumeNotFound, format!("there is no volume `{id}`"))
             .with_details(json!({ "volume": id.to_string() }))
+    }
+
+    /// The volume was deleted while it was loaded.
+    pub fn volume_cancelled() -> Self {
+        Self::new(ErrorCode::VolumeCancelled, "the volume was deleted while it was loaded")
     }
 
     /// No such scene.
@@ -193,6 +222,7 @@ impl ApiError {
     pub fn retry_after_seconds(&self) -> Option<u32> {
         match self.code {
             ErrorCode::Busy | ErrorCode::NotReady => Some(1),
+            ErrorCode::VolumeNotReady => self.details.as_ref().filter(|d| d["state"] == "loading").map(|_| 1),
             ErrorCode::Timeout => Some(10),
             _ => None,
         }
@@ -218,6 +248,7 @@ impl From<VolumeError> for ApiError {
             VolumeError::TooLarge { .. } => ErrorCode::TooLarge,
             // The bytes are in memory by now or come from a file that was there a moment ago.
             VolumeError::Io { .. } => return Self::internal(error),
+            VolumeError::Cancelled => return Self::volume_cancelled(),
         };
         let mut details = json!({ "path": error.field() });
         if let VolumeError::TooLarge { needed, limit, unit, .. } = error {
@@ -242,6 +273,7 @@ impl From<RenderError> for ApiError {
                 )
             }
             RenderError::AxisTooLong { limit, .. } => Self::too_large(error.to_string(), u64::from(limit)),
+            RenderError::Cancelled => Self::volume_cancelled(),
             RenderError::Busy => Self::busy(),
             RenderError::Gone => Self::new(ErrorCode::NotReady, "the renderer is gone")
                 .with_details(json!({ "reason": "renderer_gone" })),

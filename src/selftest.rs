@@ -10,7 +10,7 @@ use crate::gpu::GpuOptions;
 use crate::reference::{OpacityField, RaytracedAo, SpaoAo, ValueField};
 use crate::renderer::{AoPolicy, FrameRequest, Renderer};
 use crate::scene::{AoMethod, Scene, SceneDocument};
-use crate::session::{VolumeSource, volume_facts};
+use crate::session::{LoadRequest, volume_facts};
 use crate::volume::{Limits, Volume, VolumeId};
 
 /// Asymmetric on all axes, odd sizes, and a second's work at most.
@@ -25,7 +25,7 @@ const TOLERANCE: f64 = 2.0 / 255.0;
 /// # Errors
 /// When the adapter cannot be opened or a job fails.
 pub fn run(options: &GpuOptions, out: &mut dyn Write) -> anyhow::Result<bool> {
-    let source = VolumeSource::from_argument(VOLUME)?.prepare(None, &Limits::default())?;
+    let source = LoadRequest::from_argument(VOLUME)?.prepare(&Limits::default(), None)?;
     let mut renderer = Renderer::new(options)?;
     writeln!(out, "adapter: {} ({})", renderer.info().adapter, renderer.info().driver_info)?;
     let id = VolumeId("selftest".into());

@@ -88,11 +88,7 @@ fn complete(response: Response, id: &HeaderValue, method: &Method, route: &str) 
     }
     let (mut parts, _) = response.into_parts();
     let error = parts.extensions.remove::<ApiError>().unwrap_or_else(|| from_status(status, method, route));
-    let (code, _) = error.code.name_and_status();
-    let mut body = json!({ "code": code, "message": error.message });
-    if let Some(details) = error.details {
-        body["details"] = details;
-    }
+    let mut body = error.to_json();
     body["request_id"] = id.to_str().unwrap_or_default().into();
     let mut response = Json(json!({ "error": body })).into_response();
     *response.status_mut() = status;

@@ -147,8 +147,14 @@ impl QueryParams {
 
     /// `true` or `false`; false when missing.
     pub(super) fn flag(&mut self, name: &str) -> Result<bool, ApiError> {
+        self.flag_or(name, false)
+    }
+
+    /// `true` or `false`; `default` when missing.
+    pub(super) fn flag_or(&mut self, name: &str, default: bool) -> Result<bool, ApiError> {
         match self.text(name)?.as_deref() {
-            None | Some("false" | "0") => Ok(false),
+            None => Ok(default),
+            Some("false" | "0") => Ok(false),
             Some("true" | "1") => Ok(true),
             Some(other) => Err(ApiError::invalid(name, format!("expected true or false, got `{}`", shortened(other)))),
         }

@@ -31,9 +31,19 @@ pub(super) async fn show(State(state): State<AppState>, query: QueryParams) -> R
     ];
     gauge(&mut text, "spao_gpu_memory_used_bytes", "GPU memory in use, counted at every allocation.", &by_use);
     gauge(&mut text, "spao_volumes_host_bytes", "Host memory of the voxels of all volumes.", &[("", host_bytes)]);
-    let by_state =
-        [(r#"{state="resident"}"#, resident as u64), (r#"{state="evicted"}"#, (volumes.len() - resident) as u64)];
-    gauge(&mut text, "spao_volumes", "Volumes, on the GPU or in host memory only.", &by_state);
+    let counts = state.volumes.counts();
+    let by_state = [
+        (r#"{state="resident"}"#, resident as u64),
+        (r#"{state="evicted"}"#, (volumes.len() - resident) as u64),
+        (r#"{state="loading"}"#, counts.loading as u64),
+        (r#"{state="failed"}"#, counts.failed as u64),
+    ];
+    gauge(
+        &mut text,
+        "spao_volumes",
+        "Volumes: on the GPU, in host memory only, on their way, not to be had.",
+        &by_state,
+    );
     gauge(&mut text, "spao_scenes", "Scenes.", &[("", state.scenes.list().len() as u64)]);
     let software = u64::from(info.software);
     gauge(&mut text, "spao_software_adapter", "1 where pictures are computed on the CPU.", &[("", software)]);

@@ -9,6 +9,7 @@ mod envelope;
 mod extract;
 mod files;
 mod frames;
+mod loads;
 mod metrics;
 mod openapi;
 mod pages;

@@ -12,7 +12,7 @@ use super::ApiKeys;
 use crate::config::{Limits, ServeArgs};
 use crate::error::{ApiError, ErrorCode};
 use crate::render_thread::RenderHandle;
-use crate::session::{Admission, ResumeStore, SceneStore, VolumeStore};
+use crate::session::{Admission, ResumeStore, Room, SceneStore, VolumeStore};
 use crate::sources::Sources;
 use crate::volume;
 
@@ -120,6 +120,11 @@ impl AppState {
         let max_voxels = self.limits.max_voxels;
         let max_axis = self.renderer.info().max_volume_axis;
         volume::Limits { max_axis, max_voxels, max_bytes: max_voxels.saturating_mul(LARGEST_VOXEL_BYTES) }
+    }
+
+    /// What the GPU has room for, if nothing else were there.
+    pub fn room(&self) -> Room {
+        Room::of(self.renderer.info(), self.renderer.memory().budget_bytes)
     }
 
     /// The limits as `GET /v1/server` shows them.

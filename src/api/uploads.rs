@@ -11,16 +11,15 @@ use serde_json::{Value, json};
 
 use super::AppState;
 use super::extract::{QueryParams, is_json, read_body, read_json, typed};
+use super::loads::{self, Blame, Origin, Wanted, blocking};
 use crate::config::Limits;
 use crate::error::{ApiError, ErrorCode};
-use crate::session::{LoadPermit, VolumeSource};
-use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, Shape, VolumeError, VoxelType, bytes_needed};
+use crate::renderer::GpuNeed;
+use crate::session::{Extent, LoadPermit, Plan, Reduce, VolumeSource, Waiting};
+use crate::volume::{Choice, Format, ProceduralSpec, RawSpec, Region, VolumeError, bytes_needed, parse_region};
 
 /// Longest name of a volume, in characters.
 const MAX_NAME: usize = 200;
-
-/// Bytes of a voxel's precomputed gradient.
-const GRADIENT_BYTES: u64 = 4;
 
 /// What the query string says about a volume.
 struct UploadQuery {
@@ -28,19 +27,23 @@ struct UploadQuery {
     format: Option<String>,
     raw: Option<RawSpec>,
     choice: Choice,
+    extent: Extent,
     dry_run: bool,
+    wait: bool,
 }
 
 impl UploadQuery {
     fn read(mut query: QueryParams) -> Result<Self, ApiError> {
         let name = query.text("name")?.map(|name| checked_name("name", name)).transpose()?;
         let format = query.text("format")?;
-        let dry_run = query.flag("dry_run")?;
+        let (dry_run, wait) = (query.flag("dry_run")?, query.flag_or("wait", true)?);
         let (dims, voxel_type) = (query.text("dims")?, query.text("type")?);
         let (endian, spacing) = (query.text("endian")?, query.text("spacing")?);
         let series = query.text("series")?;
         let channel = query.text("channel")?.map(|text| counted("channel", &text)).transpose()?;
         let scale = query.text("scale")?.map(|text| counted("scale", &text)).transpose()?;
+        let region = query.text("region")?.map(|text| parse_region(&text).map_err(in_query)).transpose()?;
+        let reduce = query.choice("reduce", "auto or never", Reduce::from_name)?.unwrap_or_default();
         query.finish()?;
         let choice = Choice { series, channel, scale };
         let raw = match (&dims, &voxel_type) {
@@ -55,7 +58,7 @@ impl UploadQuery {
                 return Err(ApiError::invalid("type", "missing; raw voxels need dims=x,y,z and type"));
             }
         };
-        Ok(Self { name, format, raw, choice, dry_run })
+        Ok(Self { name, format, raw, choice, extent: Extent { region, reduce }, dry_run, wait })
     }
 }
 
@@ -66,7 +69,6 @@ pub(super) async fn create(
     request: Request,
 ) -> Result<Response, ApiError> {
     let query = UploadQuery::read(query)?;
-    // The line is entered before the body is read: bodies that wait cost nothing.
     let deadline = Limits::MAX_UPLOAD_TIME;
     tokio::time::timeout(deadline, create_within(state, query, request))
         .await
@@ -74,64 +76,61 @@ pub(super) async fn create(
 }
 
 async fn create_within(state: AppState, query: UploadQuery, request: Request) -> Result<Response, ApiError> {
-    let permit = state.loads.enter().await?;
-    let dry_run = query.dry_run;
-    let (name, source) = if query.format.is_none() && is_json(request.headers()) {
-        from_json(&state, query, read_json(request).await?).await?
+    let mut permit = state.loads.stand_in_line()?;
+    let (wait, dry_run) = (query.wait, query.dry_run);
+    let wanted = if query.format.is_none() && is_json(request.headers()) {
+        from_json(&state, query, read_json(request).await?)?
     } else {
+        // Bodies that wait cost nothing.
+        permit.wait_for_turn().await?;
         from_body(&state, query, request).await?
     };
     if dry_run {
-        return plan(&state, source, permit).await;
+        return plan(&state, wanted, permit).await;
     }
-    let place = state.volumes.reserve()?;
-    let (limits, blame) = (state.volume_limits(), Blame::of(&source));
-    // The permit goes with the work: it cannot be cancelled, even when the client goes away.
-    let (prepared, _permit) = blocking(move || (source.prepare(name, &limits), permit)).await?;
-    let entry = place.fill(prepared.map_err(|error| blame.error(error))?).await?;
-    let location = format!("/v1/volumes/{}", entry.id);
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(state.volumes.to_json(&entry))).into_response())
+    let waiting = if wait { Waiting::Asker } else { Waiting::Nobody };
+    let place = state.volumes.reserve(wanted.name(), wanted.to_json(), waiting)?;
+    let location = format!("/v1/volumes/{}", place.loading().id());
+    let headers = [(header::LOCATION, location)];
+    if wait {
+        let entry = loads::run(&state, &place, wanted, permit).await?;
+        return Ok((StatusCode::CREATED, headers, Json(state.volumes.to_json(&entry))).into_response());
+    }
+    let json = place.loading().to_json();
+    loads::start(state, place, wanted, permit);
+    Ok((StatusCode::ACCEPTED, headers, Json(json)).into_response())
 }
 
 /// The answer to a dry run: what the volume would need.
-async fn plan(state: &AppState, source: VolumeSource, permit: LoadPermit) -> Result<Response, ApiError> {
-    let limits = state.volume_limits();
-    let blame = Blame::of(&source);
-    let (peeked, _permit) = blocking(move || (source.peek(&limits), permit)).await?;
-    let Shape { dims, voxel_type, .. } = peeked.map_err(|error| blame.error(error))?;
-    let voxels = bytes_needed(dims, VoxelType::U8).unwrap_or(u64::MAX);
-    let texel_bytes = match voxel_type.bytes() {
-        1 => 1,
-        _ if state.renderer.info().texture_16bit_norm => 2,
-        _ => 4,
-    };
-    // Values and gradients. Integers of a narrow range may turn out to need less.
-    let gpu_bytes = voxels.saturating_mul(texel_bytes + GRADIENT_BYTES);
+async fn plan(state: &AppState, wanted: Wanted, mut permit: LoadPermit) -> Result<Response, ApiError> {
+    permit.wait_for_turn().await?;
+    let (limits, room) = (state.volume_limits(), state.room());
+    let request = wanted.fetch(state, &|_, _| ()).await?;
+    let blame = Blame::of(&request.source);
+    let (plan, _permit) = blocking(move || (request.plan(&limits, &room), permit)).await?;
+    let Plan { dims, voxel_type, resolution } = plan.map_err(|error| blame.error(error))?;
+    // Integers of a narrow range may turn out to need less.
+    let GpuNeed { volume_bytes, occlusion_bytes } = room.need(dims, voxel_type.bytes().min(2));
     let memory = state.renderer.memory();
+    let fits_axes = dims.iter().all(|&n| n <= room.max_axis);
     Ok(Json(json!({
         "dry_run": true,
         "dims": dims,
         "voxel_type": voxel_type,
+        "resolution": resolution,
         "host_bytes": bytes_needed(dims, voxel_type),
-        "gpu_bytes": gpu_bytes,
+        "gpu_bytes": volume_bytes,
+        "occlusion_bytes": occlusion_bytes,
         "gpu_budget_bytes": memory.budget_bytes,
         "gpu_used_bytes": memory.used_bytes,
         // What is there already makes room where it can.
-        "fits": gpu_bytes <= memory.budget_bytes,
-        "fits_beside_others": gpu_bytes <= memory.budget_bytes.saturating_sub(memory.used_bytes),
+        "fits": fits_axes && volume_bytes <= memory.budget_bytes,
+        "fits_beside_others": fits_axes && volume_bytes <= memory.budget_bytes.saturating_sub(memory.used_bytes),
     }))
     .into_response())
 }
 
-async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, ApiError> {
-    tokio::task::spawn_blocking(work).await.map_err(ApiError::internal)
-}
-
-async fn from_body(
-    state: &AppState,
-    query: UploadQuery,
-    request: Request,
-) -> Result<(Option<String>, VolumeSource), ApiError> {
+async fn from_body(state: &AppState, query: UploadQuery, request: Request) -> Result<Wanted, ApiError> {
     let content_type = request.headers().get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
     let content_type = content_type.map(str::to_owned);
     if let Some(name) = &query.format {
@@ -140,7 +139,8 @@ async fn from_body(
     }
     let bytes = read_body(request, state.limits.max_upload_bytes, state.limits.request_timeout).await?;
     let format = Format::detect(query.format.as_deref(), content_type.as_deref(), &bytes)?;
-    Ok((query.name, VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice }))
+    let source = VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice };
+    Ok(Wanted { name: query.name, origin: Origin::Here(source), extent: query.extent })
 }
 
 /// Body of `POST /v1/volumes` as JSON.
@@ -149,6 +149,7 @@ async fn from_body(
 struct JsonRequest {
     name: Option<String>,
     source: JsonSource,
+    reduce: Option<Reduce>,
 }
 
 /// Exactly one of these.
@@ -161,39 +162,36 @@ struct JsonSource {
     scale: Option<u32>,
     url: Option<String>,
     procedural: Option<ProceduralSpec>,
+    region: Option<Region>,
 }
 
-async fn from_json(
-    state: &AppState,
-    query: UploadQuery,
-    body: Value,
-) -> Result<(Option<String>, VolumeSource), ApiError> {
+fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<Wanted, ApiError> {
     if query.raw.is_some() {
         return Err(ApiError::invalid("dims", "only for a body of voxels, not for JSON"));
     }
     if query.choice != Choice::default() {
         return Err(ApiError::invalid("series", "goes with the path in JSON, as do `channel` and `scale`"));
     }
-    let JsonRequest { name, source } = typed(body)?;
+    if query.extent.region.is_some() {
+        return Err(ApiError::invalid("region", "goes into `source` in JSON"));
+    }
+    let JsonRequest { name, source, reduce } = typed(body)?;
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);
-    let JsonSource { path, series, channel, scale, url, procedural } = source;
+    let JsonSource { path, series, channel, scale, url, procedural, region } = source;
     let choice = Choice { series, channel, scale };
     if path.is_none() && url.is_none() && choice != Choice::default() {
         return Err(ApiError::invalid("source.series", "goes with `path` or `url`, as do `channel` and `scale`"));
     }
-    let source = match (path, url, procedural) {
-        (Some(path), None, None) => VolumeSource::Path { path, choice, data_dir: data_dir(state)? },
-        (None, Some(url), None) => {
-            let file = state.sources.fetch(&url, state.limits.max_upload_bytes).await?;
-            let format = Format::of_fetched(&file.name, file.content_type.as_deref(), &file.bytes)?;
-            VolumeSource::Fetched { url: file.url, bytes: file.bytes, format, choice }
-        }
-        (None, None, Some(spec)) => VolumeSource::Procedural(spec),
+    let origin = match (path, url, procedural) {
+        (Some(path), None, None) => Origin::Here(VolumeSource::Path { path, choice, data_dir: data_dir(state)? }),
+        (None, Some(url), None) => Origin::Elsewhere { url: state.sources.admit(&url)?, choice },
+        (None, None, Some(spec)) => Origin::Here(VolumeSource::Procedural(spec)),
         _ => {
             return Err(ApiError::invalid("source", "expected exactly one of `path`, `url` and `procedural`"));
         }
     };
-    Ok((name, source))
+    let extent = Extent { region, reduce: reduce.unwrap_or(query.extent.reduce) };
+    Ok(Wanted { name, origin, extent })
 }
 
 fn data_dir(state: &AppState) -> Result<PathBuf, ApiError> {
@@ -206,48 +204,6 @@ fn checked_name(path: &str, name: String) -> Result<String, ApiError> {
         return Err(ApiError::invalid(path, message));
     }
     Ok(name)
-}
-
-/// What of a request its volume errors are about.
-#[derive(Clone, Copy)]
-enum Blame {
-    Body,
-    Path,
-    Procedural,
-}
-
-impl Blame {
-    fn of(source: &VolumeSource) -> Self {
-        match source {
-            VolumeSource::Upload { .. } | VolumeSource::Fetched { .. } => Self::Body,
-            VolumeSource::Path { .. } => Self::Path,
-            VolumeSource::Procedural(_) => Self::Procedural,
-        }
-    }
-
-    /// A field of the JSON body is invalid where a file is malformed.
-    fn error(self, error: VolumeError) -> ApiError {
-        match (self, error) {
-            (Self::Procedural, VolumeError::Malformed { field, message }) => {
-                ApiError::invalid(&format!("source.procedural.{field}"), message)
-            }
-            (Self::Path, VolumeError::Malformed { field, message })
-                if matches!(field.as_str(), "path" | "series" | "channel" | "scale") =>
-            {
-                ApiError::invalid(&format!("source.{field}"), message)
-            }
-            (Self::Body, VolumeError::Malformed { field, message })
-                if matches!(field.as_str(), "series" | "channel" | "scale") =>
-            {
-                ApiError::invalid(&field, message)
-            }
-            // Only the kind: the system's message may say more than the client should know.
-            (Self::Path, VolumeError::Io { field, source }) if field == "path" => {
-                ApiError::invalid("source.path", source.kind())
-            }
-            (_, other) => other.into(),
-        }
-    }
 }
 
 fn counted(name: &str, text: &str) -> Result<u32, ApiError> {

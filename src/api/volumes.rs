@@ -1,4 +1,4 @@
-//! Resident volumes: listed, shown, counted, deleted. How they come is in `uploads.rs`, what they hold in `voxels.rs`.
+//! Volumes: listed, shown, counted, deleted. How they come is in `uploads.rs`, what they hold in `voxels.rs`.
 
 use axum::Json;
 use axum::extract::{Path, State};
@@ -17,8 +17,7 @@ const DEFAULT_BINS: u32 = 256;
 /// `GET /v1/volumes`
 pub(super) async fn list(State(state): State<AppState>, query: QueryParams) -> Result<Json<Value>, ApiError> {
     query.finish()?;
-    let volumes: Vec<Value> = state.volumes.list().iter().map(|volume| state.volumes.to_json(volume)).collect();
-    Ok(Json(json!({ "volumes": volumes })))
+    Ok(Json(json!({ "volumes": state.volumes.list_json() })))
 }
 
 /// `GET /v1/volumes/{id}`
@@ -28,7 +27,7 @@ pub(super) async fn show(
     query: QueryParams,
 ) -> Result<Json<Value>, ApiError> {
     query.finish()?;
-    Ok(Json(state.volumes.to_json(&*state.volumes.get(&id)?)))
+    state.volumes.get_json(&id).map(Json)
 }
 
 /// `DELETE /v1/volumes/{id}?force=true`

@@ -11,7 +11,7 @@ use crate::ao::Step;
 use crate::config::BenchAoArgs;
 use crate::renderer::{Coverage, Renderer};
 use crate::scene::{Scene, SceneDocument};
-use crate::session::{NewVolume, VolumeSource, volume_facts};
+use crate::session::{LoadRequest, NewVolume, volume_facts};
 use crate::volume::{Limits, VolumeId};
 
 /// Slices of the volume that rays are traced for; the whole is scaled up from them.
@@ -33,7 +33,7 @@ pub(super) fn run(args: &BenchAoArgs, out: &mut dyn Write) -> anyhow::Result<()>
     let mut renderer = Renderer::new(&args.gpu.options())?;
     writeln!(out, "adapter: {} ({})", renderer.info().adapter, renderer.info().driver_info)?;
     for (number, argument) in volumes.iter().enumerate() {
-        let volume = VolumeSource::from_argument(argument)?.prepare(None, &Limits::default())?;
+        let volume = LoadRequest::from_argument(argument)?.prepare(&Limits::default(), None)?;
         let id = VolumeId(format!("bench-{number}"));
         renderer.add_volume(id.clone(), volume.volume.clone())?;
         let [x, y, z] = volume.volume.grid.dims;

@@ -16,7 +16,7 @@ use crate::ao::{Accessibility, AoBuild, AoWork, Pyramid};
 use crate::config::BenchEditArgs;
 use crate::renderer::{AoPolicy, Coverage, FrameRequest, Renderer};
 use crate::scene::{ControlPoint, Scene, SceneDocument};
-use crate::session::{NewVolume, VolumeSource, volume_facts};
+use crate::session::{LoadRequest, NewVolume, volume_facts};
 use crate::volume::{Limits, VolumeId};
 
 /// Size of the pictures whose times are compared.
@@ -48,7 +48,7 @@ const EDITS: [Edit; 6] = [
 /// Prints the table.
 pub(super) fn run(args: &BenchEditArgs, out: &mut dyn Write) -> anyhow::Result<()> {
     let mut renderer = Renderer::new(&args.gpu.options())?;
-    let volume = VolumeSource::from_argument(&args.volume)?.prepare(None, &Limits::default())?;
+    let volume = LoadRequest::from_argument(&args.volume)?.prepare(&Limits::default(), None)?;
     let id = VolumeId("bench".into());
     renderer.add_volume(id.clone(), volume.volume.clone())?;
     let [x, y, z] = volume.volume.grid.dims;

@@ -9,9 +9,9 @@ use crate::config::AoArgs;
 
 pub(super) fn run(args: &AoArgs) -> anyhow::Result<()> {
     let format = ArrayFormat::from_path(&args.output).context("the output's name should end in .npy or .nrrd")?;
-    let volume = local::load(&args.volume)?;
+    let (mut renderer, volume) = local::resident(&args.volume, &args.gpu)?;
     let scene = local::scene(&volume, args.scene.as_deref(), &json!({ "ambient_occlusion": settings(args) }))?;
-    let accessibility = local::renderer(&volume, &args.gpu)?.accessibility(scene)?;
+    let accessibility = renderer.accessibility(scene)?;
     let file = write_accessibility(&accessibility, &volume.volume.grid, format);
     std::fs::write(&args.output, file).with_context(|| format!("cannot write {}", args.output.display()))
 }

@@ -9,7 +9,7 @@ use crate::config::InspectArgs;
 use crate::session::describe;
 
 pub(super) fn run(args: &InspectArgs, out: &mut dyn Write) -> anyhow::Result<()> {
-    let loaded = local::load(&args.volume)?;
+    let loaded = local::load(&args.volume, None)?;
     let volume = &loaded.volume;
     let histogram = volume.histogram(args.bins)?;
     let mut json = describe(volume);

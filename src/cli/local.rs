@@ -9,15 +9,15 @@ use serde_json::{Value, json};
 use crate::config::GpuArgs;
 use crate::renderer::Renderer;
 use crate::scene::{Scene, SceneDocument};
-use crate::session::{NewVolume, VolumeSource, volume_facts};
+use crate::session::{LoadRequest, NewVolume, Room, volume_facts};
 use crate::volume::{Limits, VolumeId};
 
 /// Longest scene file: none that a person wrote is a tenth of this.
 const MAX_SCENE_BYTES: u64 = 16 << 20;
 
-/// A volume in host memory, named on the command line.
-pub(super) fn load(argument: &str) -> anyhow::Result<NewVolume> {
-    let load = || VolumeSource::from_argument(argument)?.prepare(None, &Limits::default());
+/// A volume in host memory, named on the command line; averaged where there is no room for all of it.
+pub(super) fn load(argument: &str, room: Option<&Room>) -> anyhow::Result<NewVolume> {
+    let load = || LoadRequest::from_argument(argument)?.prepare(&Limits::default(), room);
     load().with_context(|| format!("cannot load {argument}"))
 }
 
@@ -37,11 +37,13 @@ pub(super) fn scene(volume: &NewVolume, file: Option<&Path>, patch: &Value) -> a
     Ok(Arc::new(scene))
 }
 
-/// A renderer with the volume resident.
-pub(super) fn renderer(volume: &NewVolume, gpu: &GpuArgs) -> anyhow::Result<Renderer> {
+/// A renderer with a volume resident that is named on the command line.
+pub(super) fn resident(argument: &str, gpu: &GpuArgs) -> anyhow::Result<(Renderer, NewVolume)> {
     let mut renderer = Renderer::new(&gpu.options())?;
+    let room = Room::of(renderer.info(), renderer.memory().budget_bytes);
+    let volume = load(argument, Some(&room))?;
     renderer.add_volume(volume_id(), volume.volume.clone())?;
-    Ok(renderer)
+    Ok((renderer, volume))
 }
 
 fn volume_id() -> VolumeId {

@@ -13,7 +13,7 @@ use crate::renderer::{
     AccessibilityVolume, AoReport, Frame, FrameRequest, MemoryUse, RenderError, Renderer, RendererInfo, Residency,
 };
 use crate::scene::Scene;
-use crate::volume::{Volume, VolumeId};
+use crate::volume::{LoadWatch, Volume, VolumeId};
 
 /// Jobs that may wait. More than this many pictures ahead of one in line is seconds of delay even on a
 /// fast adapter: better to say "busy" at once.
@@ -105,7 +105,20 @@ impl RenderHandle {
     /// # Errors
     /// [`RenderError::DoesNotFit`], [`RenderError::AxisTooLong`], [`RenderError::Busy`], [`RenderError::Gone`].
     pub async fn add_volume(&self, id: VolumeId, volume: Arc<Volume>) -> Result<Residency, RenderError> {
-        self.ask(|reply| Work::AddVolume { id, volume, reply }).await
+        self.add_watched_volume(id, volume, Arc::default()).await
+    }
+
+    /// [`RenderHandle::add_volume`] that tells how far it is, and may be called off.
+    ///
+    /// # Errors
+    /// As [`RenderHandle::add_volume`], and [`RenderError::Cancelled`].
+    pub async fn add_watched_volume(
+        &self,
+        id: VolumeId,
+        volume: Arc<Volume>,
+        watch: Arc<LoadWatch>,
+    ) -> Result<Residency, RenderError> {
+        self.ask(|reply| Work::AddVolume { id, volume, watch, reply }).await
     }
 
     /// Frees a volume and all that was derived from it; unknown ids are fine.

@@ -13,7 +13,7 @@ use crate::renderer::{
     Residency, StageTimings, Turn, UploadJob,
 };
 use crate::scene::Scene;
-use crate::volume::{Volume, VolumeId};
+use crate::volume::{LoadStage, LoadWatch, Volume, VolumeId};
 
 /// Jobs that take turns; the others wait in the channel. Enough for a job of every group on a busy server, few
 /// enough that their scratch memory stays bounded.
@@ -24,7 +24,7 @@ type Reply<T> = oneshot::Sender<Result<T, RenderError>>;
 /// What is asked.
 #[derive(Debug)]
 pub(super) enum Work {
-    AddVolume { id: VolumeId, volume: Arc<Volume>, reply: Reply<Residency> },
+    AddVolume { id: VolumeId, volume: Arc<Volume>, watch: Arc<LoadWatch>, reply: Reply<Residency> },
     RemoveVolume { id: VolumeId, reply: Reply<()> },
     Frame { request: FrameRequest, reply: Reply<Frame> },
     Accessibility { scene: Arc<Scene>, reply: Reply<AccessibilityVolume> },
@@ -41,7 +41,7 @@ pub(super) struct Job {
 
 /// A job that has had its first turn.
 enum Active {
-    Upload(UploadJob, Reply<Residency>),
+    Upload(UploadJob, Arc<LoadWatch>, Reply<Residency>),
     Frame(FrameJob, Reply<Frame>, Instant),
     Accessibility(AccessibilityJob, Reply<AccessibilityVolume>, Instant),
     Prepare(PrepareJob, watch::Sender<f64>, Reply<AoReport>),
@@ -79,7 +79,7 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
 fn begin(job: Job, renderer: &mut Renderer, turns: &mut Turns<Active>) {
     let submitted = job.submitted;
     let active = match job.work {
-        Work::AddVolume { id, volume, reply } => Active::Upload(UploadJob::new(id, volume), reply),
+        Work::AddVolume { id, volume, watch, reply } => Active::Upload(UploadJob::new(id, volume), watch, reply),
         Work::RemoveVolume { id, reply } => {
             renderer.remove_volume(&id);
             let _ = reply.send(Ok(()));
@@ -103,10 +103,14 @@ enum Outcome {
 /// Advances a job whose client still waits.
 fn take_turn(job: Active, renderer: &mut Renderer) -> Outcome {
     match job {
-        // An upload whose client left goes on to its end: the client's side then removes the volume,
-        // which it can only do for one that is there.
-        Active::Upload(mut job, reply) => match job.advance(renderer) {
-            Ok(Turn::Pending(_)) => Outcome::Unfinished(Box::new(Active::Upload(job, reply))),
+        // An upload that was called off leaves nothing. One whose client merely left goes on to its end: the
+        // client's side then removes the volume, which it can only do for one that is there.
+        Active::Upload(_, watch, reply) if watch.is_cancelled() => answer(reply, Err(RenderError::Cancelled)),
+        Active::Upload(mut job, watch, reply) => match job.advance(renderer) {
+            Ok(Turn::Pending(fraction)) => {
+                watch.report(LoadStage::Uploading, fraction);
+                Outcome::Unfinished(Box::new(Active::Upload(job, watch, reply)))
+            }
             Ok(Turn::Done(residency)) => answer(reply, Ok(residency)),
             Err(error) => answer(reply, Err(error)),
         },

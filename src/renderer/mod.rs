@@ -10,6 +10,7 @@ mod occupancy;
 mod raycast;
 mod request;
 mod resident;
+mod room;
 mod volumes;
 mod work;
 
@@ -22,5 +23,6 @@ pub use request::{
     AccessibilityVolume, AoPolicy, AoReport, AoState, AoUpdate, Frame, FrameRequest, MemoryUse, RenderError,
     RendererInfo, Residency, StageTimings,
 };
+pub use room::GpuNeed;
 pub use volumes::UploadJob;
 pub use work::{Renderer, Turn};

@@ -198,6 +198,9 @@ pub enum RenderError {
         /// Allowed.
         limit: u32,
     },
+    /// Whoever asked does not want it any more.
+    #[error("the job was called off")]
+    Cancelled,
     /// Too many jobs are waiting.
     #[error("the renderer is busy; try again")]
     Busy,

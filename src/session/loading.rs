@@ -1,18 +1,13 @@
-//! From a source of voxels to a volume in host memory, and how many may be on their way at once.
+//! From a source of voxels to a volume in host memory.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde_json::{Value, json};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use super::volumes::NewVolume;
-use crate::error::ApiError;
-use crate::volume::format::{bare_name, load_chosen, peek_chosen, read_chosen};
-use crate::volume::{Choice, Format, Limits, ProceduralKind, ProceduralSpec, RawSpec, Shape, Volume, VolumeError};
-
-/// Bins that a scene's defaults are derived from.
-const FACT_BINS: u32 = 256;
+use crate::volume::format::{bare_name, load_watched, peek_chosen, read_watched};
+use crate::volume::{
+    Choice, Format, Limits, LoadWatch, ProceduralKind, ProceduralSpec, RawSpec, Shape, Volume, VolumeError,
+};
 
 /// Where voxels come from.
 #[derive(Clone, Debug)]
@@ -110,13 +105,15 @@ impl VolumeSource {
     /// Reads or computes the voxels. Takes seconds: never on an async worker.
     ///
     /// # Errors
-    /// What is wrong with the source.
-    pub fn load(&self, limits: &Limits) -> Result<Volume, VolumeError> {
+    /// What is wrong with the source; [`VolumeError::Cancelled`].
+    pub fn load(&self, limits: &Limits, watch: &LoadWatch) -> Result<Volume, VolumeError> {
         match self {
-            Self::Upload { bytes, format, raw, choice } => read_chosen(bytes, *format, raw.as_ref(), choice, limits),
-            Self::Path { path, choice, data_dir } => load_chosen(path, data_dir, None, choice, limits),
-            Self::Fetched { bytes, format, choice, .. } => read_chosen(bytes, *format, None, choice, limits),
-            Self::Procedural(spec) => spec.generate(limits),
+            Self::Upload { bytes, format, raw, choice } => {
+                read_watched(bytes, *format, raw.as_ref(), choice, limits, watch)
+            }
+            Self::Path { path, choice, data_dir } => load_watched(path, data_dir, None, choice, limits, watch),
+            Self::Fetched { bytes, format, choice, .. } => read_watched(bytes, *format, None, choice, limits, watch),
+            Self::Procedural(spec) => spec.generate_watched(limits, watch),
         }
     }
 
@@ -127,32 +124,14 @@ impl VolumeSource {
     pub fn peek(&self, limits: &Limits) -> Result<Shape, VolumeError> {
         let shape = match self {
             Self::Upload { .. } | Self::Fetched { .. } => {
-                let volume = self.load(limits)?;
-                let (dims, spacing) = (volume.grid.dims, Some(volume.grid.spacing.to_array()));
-                Shape { dims, voxel_type: volume.voxels.voxel_type(), spacing }
+                let volume = self.load(limits, &LoadWatch::default())?;
+                Shape::of(&volume.grid, volume.voxels.voxel_type())
             }
             Self::Path { path, choice, data_dir } => peek_chosen(path, data_dir, None, choice, limits)?,
             Self::Procedural(spec) => Shape { dims: spec.dims, voxel_type: spec.voxel_type(), spacing: spec.spacing },
         };
         limits.check("dims", shape.dims, shape.voxel_type)?;
         Ok(shape)
-    }
-
-    /// [`VolumeSource::load`], and all that is derived from the voxels.
-    ///
-    /// # Errors
-    /// What is wrong with the source.
-    pub fn prepare(self, name: Option<String>, limits: &Limits) -> Result<NewVolume, VolumeError> {
-        let volume = self.load(limits)?;
-        // Here, where it keeps nobody waiting.
-        volume.bricks();
-        Ok(NewVolume {
-            name: name.unwrap_or_else(|| self.default_name()),
-            histogram: volume.histogram(FACT_BINS)?,
-            sha256: volume.sha256_hex(),
-            source: self.to_json(),
-            volume: Arc::new(volume),
-        })
     }
 }
 
@@ -198,35 +177,4 @@ fn procedural_from_argument(text: &str) -> Result<ProceduralSpec, VolumeError> {
         _ => return Err(malformed()),
     };
     Ok(ProceduralSpec { kind, dims, seed: 0, spacing: None })
-}
-
-/// Lets a few volumes be loaded at once, and a few more wait.
-#[derive(Debug)]
-pub struct Admission {
-    waiting: Arc<Semaphore>,
-    loading: Arc<Semaphore>,
-}
-
-/// Held while a volume is loaded, by whoever does the work at the moment.
-#[derive(Debug)]
-pub struct LoadPermit {
-    _waiting: OwnedSemaphorePermit,
-    _loading: OwnedSemaphorePermit,
-}
-
-impl Admission {
-    /// `loading` at once, `waiting` more in line.
-    pub fn new(loading: usize, waiting: usize) -> Self {
-        Self { waiting: Arc::new(Semaphore::new(loading + waiting)), loading: Arc::new(Semaphore::new(loading)) }
-    }
-
-    /// Waits in line.
-    ///
-    /// # Errors
-    /// `busy` when the line is full.
-    pub async fn enter(&self) -> Result<LoadPermit, ApiError> {
-        let waiting = self.waiting.clone().try_acquire_owned().map_err(|_| ApiError::busy())?;
-        let loading = self.loading.clone().acquire_owned().await.map_err(ApiError::internal)?;
-        Ok(LoadPermit { _waiting: waiting, _loading: loading })
-    }
 }

@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
+use super::entry::VolumeEntry;
 use super::random_hex;
-use super::volumes::{VolumeEntry, VolumeLease, VolumeStore};
+use super::volumes::{VolumeLease, VolumeStore};
 use crate::error::{ApiError, ErrorCode};
 use crate::scene::{Scene, SceneDocument, SceneHistory};
 use crate::volume::VolumeId;
@@ -147,7 +148,7 @@ fn complete(document: &SceneDocument, volumes: &VolumeStore) -> Result<(Scene, V
 
 /// A scene's volume; that it is missing is the fault of the field `volume`.
 fn lease(volumes: &VolumeStore, id: &VolumeId, path: &str) -> Result<(Arc<VolumeEntry>, VolumeLease), ApiError> {
-    volumes.lease(id).map_err(|error| error.with_details(json!({ "path": path, "volume": id.0 })))
+    volumes.lease(id).map_err(|error| error.with_detail("path", path))
 }
 
 #[derive(Debug, Default)]

@@ -1,118 +1,70 @@
-//! The resident volumes, and who uses them.
+//! The volumes: those that are there, those that are on their way, and who uses them.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Value, json};
 
-use super::{random_hex, rfc3339};
+use super::entry::VolumeEntry;
+use super::place::{Failed, Loading, Place, Waiting, release};
+use super::random_hex;
 use crate::error::{ApiError, ErrorCode};
 use crate::render_thread::RenderHandle;
-use crate::renderer::RenderError;
-use crate::scene::{HistogramView, VolumeFacts};
-use crate::volume::{GrayPicture, Histogram, Volume, VolumeId};
+use crate::volume::VolumeId;
 
-/// Time between two tries to give a volume back to a busy renderer.
-const RELEASE_RETRY: Duration = Duration::from_millis(50);
-
-/// One resident volume and where it came from.
-#[derive(Debug)]
-pub struct VolumeEntry {
-    /// Its name in URLs.
-    pub id: VolumeId,
-    /// Its name for people.
-    pub name: String,
-    /// The host copy.
-    pub volume: Arc<Volume>,
-    /// Values over 256 bins, from which a scene's defaults are derived.
-    pub histogram: Histogram,
-    /// See [`Volume::sha256_hex`].
-    pub sha256: String,
-    /// What was asked for: `{"upload": ...}`, `{"path": ...}` or `{"procedural": ...}`.
-    pub source: Value,
-    /// When it became resident.
-    pub created_at: SystemTime,
-    /// Made when it is asked for first.
-    thumbnail: OnceLock<GrayPicture>,
-}
-
-impl VolumeEntry {
-    /// See [`Volume::thumbnail`]. The first call reads every voxel: never on an async worker.
-    pub fn thumbnail(&self) -> &GrayPicture {
-        self.thumbnail.get_or_init(|| self.volume.thumbnail())
-    }
-
-    /// What a scene of this volume is completed with.
-    pub fn facts(&self) -> VolumeFacts<'_> {
-        volume_facts(&self.id, &self.volume, &self.histogram)
-    }
-
-    /// The volume as the API shows it, with its bytes on the GPU if it is there.
-    fn to_json(&self, gpu_bytes: Option<u64>) -> Value {
-        let state = if gpu_bytes.is_some() { "resident" } else { "evicted" };
-        let mut json = json!({ "id": self.id.0, "name": self.name, "state": state });
-        merge(&mut json, describe(&self.volume));
-        let rest = json!({
-            "gpu_bytes": gpu_bytes.unwrap_or(0),
-            "host_bytes": self.volume.host_bytes(),
-            "sha256": self.sha256,
-            "source": self.source,
-            "created_at": rfc3339(self.created_at),
-        });
-        merge(&mut json, rest);
-        if !self.volume.about.notes.is_empty() {
-            json["notes"] = json!(self.volume.about.notes);
-        }
-        json
-    }
-}
-
-/// Geometry and values of a volume, the part of its JSON that does not depend on where it lives.
-pub fn describe(volume: &Volume) -> Value {
-    let grid = &volume.grid;
-    json!({
-        "dims": grid.dims,
-        "spacing": grid.spacing.to_array(),
-        "origin": grid.origin.to_array(),
-        "direction": grid.direction.map(|axis| axis.to_array()),
-        "voxel_type": volume.voxels.voxel_type(),
-        "value_range": volume.code_map.value_range(),
-    })
-}
-
-fn merge(into: &mut Value, from: Value) {
-    if let (Value::Object(into), Value::Object(from)) = (into, from) {
-        into.extend(from);
-    }
-}
+/// Failed volumes that stay listed; the oldest goes first. Each is a few hundred bytes.
+const MOST_FAILURES: usize = 16;
 
 /// The use of a volume: while it lives, the volume is not deleted without force. It holds no voxels, so a
 /// volume that is deleted by force is gone from memory whoever looked at it.
 #[derive(Clone, Debug)]
 pub struct VolumeLease(#[expect(dead_code, reason = "only counted")] Arc<()>);
 
+/// What is known under an id.
 #[derive(Debug)]
-struct Resident {
-    entry: Arc<VolumeEntry>,
-    /// One more owner than there are leases.
-    users: Arc<()>,
-    /// Order of creation.
+enum State {
+    Loading(Arc<Loading>),
+    /// One more owner of the second than there are leases.
+    Loaded(Arc<VolumeEntry>, Arc<()>),
+    Failed(Failed),
+}
+
+#[derive(Debug)]
+struct Known {
+    state: State,
+    /// In the order in which their loading began.
     sequence: u64,
 }
 
 #[derive(Debug, Default)]
 struct Inner {
-    residents: HashMap<VolumeId, Resident>,
-    /// Volumes on their way: they count against the limit.
-    pending: usize,
+    known: HashMap<VolumeId, Known>,
     sequence: u64,
 }
 
-/// The resident volumes.
+impl Inner {
+    fn in_order(&self) -> Vec<(&VolumeId, &State)> {
+        let mut known: Vec<_> = self.known.iter().collect();
+        known.sort_by_key(|(_, known)| known.sequence);
+        known.into_iter().map(|(id, known)| (id, &known.state)).collect()
+    }
+}
+
+/// How many volumes there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VolumeCounts {
+    /// On their way.
+    pub loading: usize,
+    /// There, on the GPU or in host memory.
+    pub loaded: usize,
+    /// Not to be had.
+    pub failed: usize,
+}
+
+/// The volumes.
 #[derive(Debug)]
 pub struct VolumeStore {
-    renderer: RenderHandle,
+    pub(super) renderer: RenderHandle,
     max_volumes: usize,
     inner: Mutex<Inner>,
 }
@@ -128,52 +80,97 @@ impl VolumeStore {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The volumes in the order in which they came.
+    /// The loaded volumes in the order in which they came.
     pub fn list(&self) -> Vec<Arc<VolumeEntry>> {
-        let inner = self.lock();
-        let mut residents: Vec<_> = inner.residents.values().map(|r| (r.sequence, r.entry.clone())).collect();
-        residents.sort_by_key(|(sequence, _)| *sequence);
-        residents.into_iter().map(|(_, entry)| entry).collect()
+        let loaded = |(_, state): (&VolumeId, &State)| match state {
+            State::Loaded(entry, _) => Some(entry.clone()),
+            State::Loading(_) | State::Failed(_) => None,
+        };
+        self.lock().in_order().into_iter().filter_map(loaded).collect()
     }
 
-    /// One volume.
+    /// How many volumes there are of each kind.
+    pub fn counts(&self) -> VolumeCounts {
+        let mut counts = VolumeCounts::default();
+        for known in self.lock().known.values() {
+            match known.state {
+                State::Loading(_) => counts.loading += 1,
+                State::Loaded(..) => counts.loaded += 1,
+                State::Failed(_) => counts.failed += 1,
+            }
+        }
+        counts
+    }
+
+    /// One loaded volume.
     ///
     /// # Errors
-    /// `volume_not_found`.
+    /// `volume_not_found`, `volume_not_ready`.
     pub fn get(&self, id: &str) -> Result<Arc<VolumeEntry>, ApiError> {
         self.lease(&VolumeId(id.to_owned())).map(|(entry, _)| entry)
     }
 
-    /// One volume, kept from deletion.
+    /// One loaded volume, kept from deletion.
     ///
     /// # Errors
-    /// `volume_not_found`.
+    /// `volume_not_found`, `volume_not_ready`.
     pub fn lease(&self, id: &VolumeId) -> Result<(Arc<VolumeEntry>, VolumeLease), ApiError> {
-        let inner = self.lock();
-        let resident = inner.residents.get(id).ok_or_else(|| ApiError::volume_not_found(id))?;
-        Ok((resident.entry.clone(), VolumeLease(resident.users.clone())))
+        match self.lock().known.get(id).map(|known| &known.state) {
+            Some(State::Loaded(entry, users)) => Ok((entry.clone(), VolumeLease(users.clone()))),
+            Some(State::Loading(loading)) => Err(loading.not_ready()),
+            Some(State::Failed(failed)) => Err(failed.not_ready()),
+            None => Err(ApiError::volume_not_found(id)),
+        }
     }
 
-    /// A volume as the API shows it, wherever it is now.
+    /// A loaded volume as the API shows it, wherever it is now.
     pub fn to_json(&self, entry: &VolumeEntry) -> Value {
         entry.to_json(self.renderer.gpu_bytes(&entry.id))
     }
 
-    /// Takes a place for a volume that is about to be loaded.
+    fn state_json(&self, state: &State) -> Value {
+        match state {
+            State::Loading(loading) => loading.to_json(),
+            State::Loaded(entry, _) => self.to_json(entry),
+            State::Failed(failed) => failed.to_json(),
+        }
+    }
+
+    /// Every volume as the API shows it, in the order in which they were asked for.
+    pub fn list_json(&self) -> Vec<Value> {
+        self.lock().in_order().into_iter().map(|(_, state)| self.state_json(state)).collect()
+    }
+
+    /// A volume as the API shows it, whatever its state.
+    ///
+    /// # Errors
+    /// `volume_not_found`.
+    pub fn get_json(&self, id: &str) -> Result<Value, ApiError> {
+        let inner = self.lock();
+        let known = inner.known.get(&VolumeId(id.to_owned())).ok_or_else(|| ApiError::volume_not_found(&id))?;
+        Ok(self.state_json(&known.state))
+    }
+
+    /// Takes a place for a volume that is about to be loaded; it is listed from now on.
     ///
     /// # Errors
     /// `too_many`.
-    pub fn reserve(self: &Arc<Self>) -> Result<Place, ApiError> {
+    pub fn reserve(self: &Arc<Self>, name: String, source: Value, waiting: Waiting) -> Result<Place, ApiError> {
         let mut inner = self.lock();
-        if inner.residents.len() + inner.pending >= self.max_volumes {
+        let counted = inner.known.values().filter(|known| !matches!(known.state, State::Failed(_))).count();
+        if counted >= self.max_volumes {
             let message = format!("there may be {} volumes; delete one", self.max_volumes);
             return Err(ApiError::new(ErrorCode::TooMany, message).with_details(json!({ "limit": self.max_volumes })));
         }
-        inner.pending += 1;
-        Ok(Place { store: self.clone() })
+        inner.sequence += 1;
+        let sequence = inner.sequence;
+        let id = VolumeId(format!("v_{}", random_hex()));
+        let loading = Arc::new(Loading::new(id.clone(), name, source, waiting));
+        inner.known.insert(id, Known { state: State::Loading(loading.clone()), sequence });
+        Ok(Place { store: self.clone(), loading })
     }
 
-    /// Deletes a volume, from the GPU too.
+    /// Deletes a volume, from the GPU too. One that is on its way is called off.
     ///
     /// # Errors
     /// `volume_not_found`; `volume_in_use` without `force`.
@@ -181,117 +178,67 @@ impl VolumeStore {
         let id = VolumeId(id.to_owned());
         {
             let mut inner = self.lock();
-            let resident = inner.residents.get(&id).ok_or_else(|| ApiError::volume_not_found(&id))?;
-            // Leases are made under this lock only: the count cannot grow now.
-            if !force && Arc::strong_count(&resident.users) > 1 {
-                let message = format!("a scene looks at volume `{id}`; delete it first, or use ?force=true");
-                return Err(ApiError::new(ErrorCode::VolumeInUse, message));
+            match inner.known.get(&id).map(|known| &known.state) {
+                None => return Err(ApiError::volume_not_found(&id)),
+                // Leases are made under this lock only: the count cannot grow now.
+                Some(State::Loaded(_, users)) if !force && Arc::strong_count(users) > 1 => {
+                    let message = format!("a scene looks at volume `{id}`; delete it first, or use ?force=true");
+                    return Err(ApiError::new(ErrorCode::VolumeInUse, message));
+                }
+                Some(State::Loading(loading)) => loading.cancel(),
+                Some(State::Loaded(..) | State::Failed(_)) => {}
             }
-            inner.residents.remove(&id);
+            let was = inner.known.remove(&id);
+            if !matches!(was, Some(Known { state: State::Loaded(..), .. })) {
+                // What is on the GPU of a volume on its way is taken off by whoever loads it.
+                return Ok(());
+            }
         }
         // Spawned, so that a client that goes away meanwhile does not leave the textures behind.
         let _ = tokio::spawn(release(self.renderer.clone(), id)).await;
         Ok(())
     }
-}
 
-/// A place for one more volume, given back when dropped.
-#[derive(Debug)]
-pub struct Place {
-    store: Arc<VolumeStore>,
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        self.store.lock().pending -= 1;
-    }
-}
-
-/// What a scene of a volume is completed with.
-pub fn volume_facts<'a>(id: &'a VolumeId, volume: &'a Volume, histogram: &'a Histogram) -> VolumeFacts<'a> {
-    VolumeFacts {
-        id,
-        grid: &volume.grid,
-        value_range: volume.code_map.value_range(),
-        code_map: &volume.code_map,
-        histogram: HistogramView { counts: &histogram.counts, range: histogram.range },
-        integer: volume.voxels.voxel_type().is_integer(),
-    }
-}
-
-/// What is known of a volume before it is resident.
-#[derive(Debug)]
-pub struct NewVolume {
-    /// For people.
-    pub name: String,
-    /// The host copy.
-    pub volume: Arc<Volume>,
-    /// See [`VolumeEntry::histogram`].
-    pub histogram: Histogram,
-    /// See [`VolumeEntry::sha256`].
-    pub sha256: String,
-    /// See [`VolumeEntry::source`].
-    pub source: Value,
-}
-
-impl Place {
-    /// Uploads to the GPU and lists the volume. Nothing remains when this fails or is dropped half-way.
-    ///
-    /// # Errors
-    /// What the renderer says.
-    pub async fn fill(self, new: NewVolume) -> Result<Arc<VolumeEntry>, ApiError> {
-        let id = VolumeId(format!("v_{}", random_hex()));
-        let (renderer, volume) = (self.store.renderer.clone(), new.volume.clone());
-        // A task of its own: an upload goes on to its end whoever waits for it, and must not be forgotten.
-        let upload = tokio::spawn(Uploaded::upload(renderer, id.clone(), volume));
-        upload.await.map_err(ApiError::internal)??.keep();
-        let entry = Arc::new(VolumeEntry {
-            id: id.clone(),
-            name: new.name,
-            volume: new.volume,
-            histogram: new.histogram,
-            sha256: new.sha256,
-            source: new.source,
-            created_at: SystemTime::now(),
-            thumbnail: OnceLock::new(),
-        });
-        let mut inner = self.store.lock();
-        inner.sequence += 1;
-        let sequence = inner.sequence;
-        inner.residents.insert(id, Resident { entry: entry.clone(), users: Arc::new(()), sequence });
-        Ok(entry)
-    }
-}
-
-/// A volume on the GPU that nobody knows of yet; taken off again when dropped.
-struct Uploaded {
-    renderer: RenderHandle,
-    id: Option<VolumeId>,
-}
-
-impl Uploaded {
-    async fn upload(renderer: RenderHandle, id: VolumeId, volume: Arc<Volume>) -> Result<Self, RenderError> {
-        renderer.add_volume(id.clone(), volume).await?;
-        Ok(Self { renderer, id: Some(id) })
-    }
-
-    /// Leaves the volume where it is.
-    fn keep(mut self) {
-        self.id = None;
-    }
-}
-
-impl Drop for Uploaded {
-    fn drop(&mut self) {
-        if let (Some(id), Ok(runtime)) = (self.id.take(), tokio::runtime::Handle::try_current()) {
-            runtime.spawn(release(self.renderer.clone(), id));
+    /// Calls off the loads that only those wait for who are named; all of them with `None`.
+    pub fn cancel_loads(&self, waiting: Option<Waiting>) {
+        for known in self.lock().known.values() {
+            if let State::Loading(loading) = &known.state
+                && waiting.is_none_or(|who| who == loading.waiting)
+            {
+                loading.cancel();
+            }
         }
     }
-}
 
-/// Frees a volume on the GPU, however busy the renderer is.
-async fn release(renderer: RenderHandle, id: VolumeId) {
-    while let Err(RenderError::Busy) = renderer.remove_volume(id.clone()).await {
-        tokio::time::sleep(RELEASE_RETRY).await;
+    /// The volume on its way is there now; false where it was deleted meanwhile.
+    pub(super) fn settle(&self, entry: Arc<VolumeEntry>) -> bool {
+        match self.lock().known.get_mut(&entry.id) {
+            Some(known) => {
+                known.state = State::Loaded(entry, Arc::default());
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Lists a failure where the volume on its way was, unless that was deleted.
+    pub(super) fn keep_failure(&self, failed: Failed, id: &VolumeId) {
+        let mut inner = self.lock();
+        let Some(known) = inner.known.get_mut(id) else { return };
+        known.state = State::Failed(failed);
+        let is_failed = |known: &&Known| matches!(known.state, State::Failed(_));
+        if inner.known.values().filter(is_failed).count() > MOST_FAILURES {
+            let oldest = inner.known.iter().filter(|(_, known)| is_failed(known)).min_by_key(|(_, k)| k.sequence);
+            let oldest = oldest.map(|(id, _)| id.clone());
+            oldest.and_then(|id| inner.known.remove(&id));
+        }
+    }
+
+    /// Gives the place of a volume back that is not coming.
+    pub(super) fn forget_loading(&self, id: &VolumeId) {
+        let mut inner = self.lock();
+        if inner.known.get(id).is_some_and(|known| matches!(known.state, State::Loading(_))) {
+            inner.known.remove(id);
+        }
     }
 }

@@ -6,14 +6,19 @@ use reqwest::header::{CONTENT_TYPE, LOCATION};
 use reqwest::{Response, StatusCode, Url};
 
 use super::address::NotPublic;
-use super::{Sources, collect, failed, private, refused};
+use super::{Sources, Told, collect, failed, private, refused};
 use crate::error::ApiError;
 
 /// Most redirects that are followed.
 const MAX_REDIRECTS: usize = 5;
 
 /// The file and its content type.
-pub(super) async fn get(sources: &Sources, mut url: Url, limit: u64) -> Result<(Vec<u8>, Option<String>), ApiError> {
+pub(super) async fn get(
+    sources: &Sources,
+    mut url: Url,
+    limit: u64,
+    told: Told<'_>,
+) -> Result<(Vec<u8>, Option<String>), ApiError> {
     for _ in 0..=MAX_REDIRECTS {
         let answer = ask(sources, url.clone()).await?;
         if let Some(next) = redirect(&url, &answer)? {
@@ -24,7 +29,7 @@ pub(super) async fn get(sources: &Sources, mut url: Url, limit: u64) -> Result<(
         check_status(answer.status())?;
         let content_type = answer.headers().get(CONTENT_TYPE).and_then(|value| value.to_str().ok()).map(str::to_owned);
         let announced = answer.content_length();
-        let bytes = collect(answer.bytes_stream(), announced, limit, sources.patience).await?;
+        let bytes = collect(answer.bytes_stream(), announced, limit, sources.patience, told).await?;
         return Ok((bytes, content_type));
     }
     Err(refused(&format!("more than {MAX_REDIRECTS} redirects")))

@@ -46,12 +46,30 @@ pub struct Sources {
 pub struct SourceFile {
     /// All of it.
     pub bytes: Vec<u8>,
-    /// The last part of its path.
-    pub name: String,
     /// What the other server says that it is.
     pub content_type: Option<String>,
+}
+
+/// A URL that may be fetched.
+#[derive(Clone, Debug)]
+pub struct SourceUrl(Url);
+
+/// Gets the bytes that have come, and how many there are in all, if the other server says so.
+pub type Told<'t> = &'t (dyn Fn(u64, Option<u64>) + Send + Sync);
+
+impl SourceUrl {
+    /// The last part of its path.
+    pub fn file_name(&self) -> &str {
+        self.0.path_segments().and_then(|mut parts| parts.next_back()).unwrap_or_default()
+    }
+
     /// The URL without its query, which may be a secret.
-    pub url: String,
+    pub fn shown(&self) -> String {
+        let mut shown = self.0.clone();
+        shown.set_query(None);
+        shown.set_fragment(None);
+        shown.into()
+    }
 }
 
 impl Sources {
@@ -60,22 +78,28 @@ impl Sources {
         Self { allowed, allow_private, patience, client: OnceLock::new() }
     }
 
-    /// Fetches a file of at most `limit` bytes. Dropped, it ends at once.
+    /// Whether a URL may be fetched; nothing is connected.
     ///
     /// # Errors
-    /// `invalid` if the URL is not allowed or has no file, `too_large`, `source_failed` if the other server fails.
-    pub async fn fetch(&self, url: &str, limit: u64) -> Result<SourceFile, ApiError> {
+    /// `invalid` if it is not a URL, or not allowed.
+    pub fn admit(&self, url: &str) -> Result<SourceUrl, ApiError> {
         let url = Url::parse(url).map_err(|_| refused("not a URL; expected one such as https://host/head.nrrd"))?;
         self.check(&url)?;
-        let (bytes, content_type) = match url.scheme() {
-            "http" | "https" => http::get(self, url.clone(), limit).await?,
-            _ => (store::get(self, &url, limit).await?, None),
+        Ok(SourceUrl(url))
+    }
+
+    /// Fetches a file of at most `limit` bytes; `told` gets how many have come and how many there are. Dropped, it ends
+    /// at once.
+    ///
+    /// # Errors
+    /// `invalid` if the URL leads to one that is not allowed or has no file, `too_large`, `source_failed` if the other
+    /// server fails.
+    pub async fn fetch(&self, url: &SourceUrl, limit: u64, told: Told<'_>) -> Result<SourceFile, ApiError> {
+        let (bytes, content_type) = match url.0.scheme() {
+            "http" | "https" => http::get(self, url.0.clone(), limit, told).await?,
+            _ => (store::get(self, &url.0, limit, told).await?, None),
         };
-        let name = url.path_segments().and_then(|mut parts| parts.next_back()).unwrap_or_default().to_owned();
-        let mut shown = url;
-        shown.set_query(None);
-        shown.set_fragment(None);
-        Ok(SourceFile { bytes, name, content_type, url: shown.into() })
+        Ok(SourceFile { bytes, content_type })
     }
 
     /// Refuses what is not allowed, and addresses that are not public; names are looked at when they are resolved.
@@ -124,6 +148,7 @@ async fn collect<B: AsRef<[u8]>, E>(
     announced: Option<u64>,
     limit: u64,
     patience: Duration,
+    told: Told<'_>,
 ) -> Result<Vec<u8>, ApiError> {
     let too_large = || ApiError::too_large(format!("{FIELD}: the file may have {limit} bytes"), limit);
     if announced.is_some_and(|length| length > limit) {
@@ -141,6 +166,7 @@ async fn collect<B: AsRef<[u8]>, E>(
             return Err(too_large());
         }
         bytes.extend_from_slice(piece.as_ref());
+        told(bytes.len() as u64, announced);
     }
     Ok(bytes)
 }

@@ -14,7 +14,7 @@ use object_store::path::Path;
 use object_store::{ClientConfigKey, ClientOptions, Error, ObjectStore, ObjectStoreExt, RetryConfig};
 use reqwest::Url;
 
-use super::{Sources, client_builder, collect, failed, refused};
+use super::{Sources, Told, client_builder, collect, failed, refused};
 use crate::error::ApiError;
 
 /// A client waits: better an error soon than a file late.
@@ -37,7 +37,7 @@ impl HttpConnector for Connector {
 }
 
 /// The file.
-pub(super) async fn get(sources: &Sources, url: &Url, limit: u64) -> Result<Vec<u8>, ApiError> {
+pub(super) async fn get(sources: &Sources, url: &Url, limit: u64, told: Told<'_>) -> Result<Vec<u8>, ApiError> {
     let bucket = url.host_str().unwrap_or_default();
     let plain = |b: u8| b.is_ascii_alphanumeric() || b"-._".contains(&b);
     let key = Path::from_url_path(url.path()).ok().filter(|key| !key.as_ref().is_empty());
@@ -51,7 +51,7 @@ pub(super) async fn get(sources: &Sources, url: &Url, limit: u64) -> Result<Vec<
     let answer = tokio::time::timeout(sources.patience, store.get(&key)).await;
     let answer = answer.map_err(|_| failed("the store does not answer"))?.map_err(store_error)?;
     let announced = Some(answer.meta.size);
-    collect(answer.into_stream(), announced, limit, sources.patience).await
+    collect(answer.into_stream(), announced, limit, sources.patience, told).await
 }
 
 fn open(scheme: &str, bucket: &str) -> object_store::Result<Box<dyn ObjectStore>> {

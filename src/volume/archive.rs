@@ -11,9 +11,10 @@ use std::path::{Component, Path, PathBuf};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::VolumeError;
 use super::error::excerpt;
 use super::input::{Input, ReadSeek};
+use super::watch::Watched;
+use super::{LoadWatch, VolumeError};
 
 /// Most files that are looked at.
 const MAX_FILES: usize = 1 << 16;
@@ -33,6 +34,7 @@ pub(super) struct Files<'i, 'a> {
     /// Bytes that may still be unpacked.
     left: Cell<u64>,
     limit: u64,
+    watch: Option<&'a LoadWatch>,
 }
 
 enum Kind<'i, 'a> {
@@ -49,10 +51,14 @@ impl<'i, 'a> Files<'i, 'a> {
     /// Names `archive` if it is damaged or has too many files, `path` if a folder cannot be listed.
     pub(super) fn open(input: &'i mut Input<'a>) -> Result<Self, VolumeError> {
         let limit = input.limits.max_bytes.saturating_mul(UNPACKED_PER_VOLUME_BYTE);
+        let watch = input.watch;
         let kind = if let Some(folder) = input.folder() {
             let mut files = Vec::new();
             list(folder, MAX_DEPTH, &mut files)?;
             files.sort();
+            if let Some(watch) = watch {
+                watch.expect(files.iter().filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum());
+            }
             Kind::Folder(files)
         } else {
             let head = input.head()?;
@@ -61,12 +67,16 @@ impl<'i, 'a> Files<'i, 'a> {
                 check_count(archive.len())?;
                 Kind::Zip(archive)
             } else if is_tar(&head) {
+                if let (Some(watch), Some(length)) = (watch, input.open_wrapped()?.length) {
+                    // It is read to its end for the headers, and again for the voxels.
+                    watch.expect(length);
+                }
                 Kind::Tar(input)
             } else {
                 Kind::One(input)
             }
         };
-        Ok(Self { kind, left: Cell::new(limit), limit })
+        Ok(Self { kind, left: Cell::new(limit), limit, watch })
     }
 
     /// Whether this is one file and not several.
@@ -85,7 +95,7 @@ impl<'i, 'a> Files<'i, 'a> {
     /// Those of `visit`. Names `archive` if it is damaged, has a name that leads out of it, or unpacks to more than
     /// the limits allow.
     pub(super) fn visit(&mut self, visit: &mut Visit) -> Result<(), VolumeError> {
-        let left = &self.left;
+        let (left, watch) = (&self.left, self.watch);
         let visited = match &mut self.kind {
             Kind::One(input) => visit(0, "", &mut BufReader::new(Metered { inner: input.open()?.reader, left })),
             Kind::Zip(archive) => visit_zip(archive, left, visit),
@@ -93,7 +103,7 @@ impl<'i, 'a> Files<'i, 'a> {
             Kind::Folder(files) => files.iter().enumerate().try_for_each(|(index, path)| {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let file = File::open(path).map_err(|e| VolumeError::io("path", e))?;
-                visit(index, &name, &mut BufReader::new(Metered { inner: file, left }))
+                visit(index, &name, &mut BufReader::new(Metered { inner: Watched::new(file, watch), left }))
             }),
         };
         if left.get() == 0 {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::sample::{Sample, with_voxels};
-use super::{CodeMap, Volume};
+use super::{CodeMap, LoadWatch, Volume, VolumeError};
 
 /// Edge of a brick, in voxels.
 pub const BRICK: u32 = 8;
@@ -60,30 +60,46 @@ fn insert(set: &mut CodeSet, bucket: usize) {
 impl Volume {
     /// The contents of all bricks; found when first asked for, which takes a while.
     pub fn bricks(&self) -> Arc<Bricks> {
-        self.bricks.get_or_init(|| Arc::new(self.find_bricks())).clone()
+        let find = || self.find_bricks(&LoadWatch::default()).expect("nobody can call it off");
+        self.bricks.get_or_init(|| Arc::new(find())).clone()
     }
 
-    fn find_bricks(&self) -> Bricks {
+    /// Finds the contents of all bricks now, and counts voxels as work.
+    ///
+    /// # Errors
+    /// [`VolumeError::Cancelled`].
+    pub(super) fn prepare_bricks(&self, watch: &LoadWatch) -> Result<(), VolumeError> {
+        let bricks = Arc::new(self.find_bricks(watch)?);
+        self.bricks.get_or_init(|| bricks);
+        Ok(())
+    }
+
+    fn find_bricks(&self, watch: &LoadWatch) -> Result<Bricks, VolumeError> {
         let dims = self.grid.dims.map(|n| n.div_ceil(BRICK));
         let [bx, by, bz] = dims.map(|n| n as usize);
         let bucket_shift = (u32::from(self.code_map.max_code) / BUCKETS + 1).next_power_of_two().trailing_zeros();
-        let contents: Vec<_> = with_voxels!(&self.voxels, v => {
+        let row_voxels = self.grid.voxel_count() / (by * bz) as u64;
+        let contents: Result<Vec<_>, VolumeError> = with_voxels!(&self.voxels, v => {
             let field = Field { dims: self.grid.dims.map(|n| n as usize), values: v, map: &self.code_map };
             (0..bx * by * bz)
                 .into_par_iter()
                 .map(|b| {
+                    if b % bx == 0 {
+                        watch.advance(row_voxels);
+                    }
+                    watch.check()?;
                     let first = [b % bx, b / bx % by, b / bx / by].map(|i| i * BRICK as usize);
-                    (field.range(first, 1), field.range(first, WIDE_APRON), field.codes(first, bucket_shift))
+                    Ok((field.range(first, 1), field.range(first, WIDE_APRON), field.codes(first, bucket_shift)))
                 })
                 .collect()
         });
         let (mut ranges, mut wide_ranges, mut codes) = (Vec::new(), Vec::new(), Vec::new());
-        for (range, wide_range, set) in contents {
+        for (range, wide_range, set) in contents? {
             ranges.push(range);
             wide_ranges.push(wide_range);
             codes.push(set);
         }
-        Bricks { dims, ranges, wide_ranges, codes, bucket_shift }
+        Ok(Bricks { dims, ranges, wide_ranges, codes, bucket_shift })
     }
 }
 

@@ -41,6 +41,9 @@ pub enum VolumeError {
         /// The system's reason.
         source: io::Error,
     },
+    /// Whoever wanted the volume does not want it any more.
+    #[error("the load was called off")]
+    Cancelled,
 }
 
 impl VolumeError {
@@ -63,6 +66,7 @@ impl VolumeError {
             | Self::Unsupported { field, .. }
             | Self::TooLarge { field, .. }
             | Self::Io { field, .. } => field,
+            Self::Cancelled => "volume",
         }
     }
 }

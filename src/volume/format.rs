@@ -6,7 +6,7 @@ use super::error::excerpt;
 use super::formats::{NOT_READ, Row, TABLE};
 use super::input::{Choice, Input, Siblings, Source};
 use super::wrap::{Wrapping, unwrapped_name};
-use super::{Limits, RawSpec, Shape, Volume, VolumeError, paths, zarr};
+use super::{Limits, LoadWatch, RawSpec, Shape, Volume, VolumeError, paths, zarr};
 
 /// A file format that is read. Any file may be wrapped in gzip or Zstandard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -188,9 +188,24 @@ pub fn read_chosen(
     choice: &Choice,
     limits: &Limits,
 ) -> Result<Volume, VolumeError> {
+    read_watched(bytes, format, raw, choice, limits, &LoadWatch::default())
+}
+
+/// [`read_chosen`] that tells how far it is, and may be called off.
+///
+/// # Errors
+/// As [`read_chosen`], and [`VolumeError::Cancelled`].
+pub fn read_watched(
+    bytes: &[u8],
+    format: Format,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+    watch: &LoadWatch,
+) -> Result<Volume, VolumeError> {
     let mut input = Input::new("data", Source::Bytes(bytes), raw, limits)?;
     input.choice = choice.clone();
-    read(input, format)
+    read(input, format, watch)
 }
 
 /// Reads a volume from a file in the data directory, or in a directory inside it.
@@ -212,7 +227,22 @@ pub fn load_chosen(
     choice: &Choice,
     limits: &Limits,
 ) -> Result<Volume, VolumeError> {
-    with_path(path, data_dir, raw, choice, limits, read)
+    load_watched(path, data_dir, raw, choice, limits, &LoadWatch::default())
+}
+
+/// [`load_chosen`] that tells how far it is, and may be called off.
+///
+/// # Errors
+/// As [`load_chosen`], and [`VolumeError::Cancelled`].
+pub fn load_watched(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+    choice: &Choice,
+    limits: &Limits,
+    watch: &LoadWatch,
+) -> Result<Volume, VolumeError> {
+    with_path(path, data_dir, raw, choice, limits, |input, format| read(input, format, watch))
 }
 
 /// Dims, type and spacing of the volume in a file, without its voxels.
@@ -259,9 +289,13 @@ fn check_choice(choice: &Choice, format: Format) -> Result<(), VolumeError> {
     Ok(())
 }
 
-fn read(mut input: Input, format: Format) -> Result<Volume, VolumeError> {
+fn read<'a>(mut input: Input<'a>, format: Format, watch: &'a LoadWatch) -> Result<Volume, VolumeError> {
     check_choice(&input.choice, format)?;
-    let mut volume = (format.row().read)(&mut input)?;
+    input.watched_by(watch)?;
+    let read = (format.row().read)(&mut input);
+    // Whatever the reader of a format makes of its sudden end.
+    watch.check()?;
+    let mut volume = read?;
     match volume.nan_count {
         0 => {}
         1 => volume.about.note("1 voxel is NaN and shown as the lowest value"),
@@ -284,6 +318,6 @@ fn with_path<T>(
     let mut input = Input::new("path", source, raw, limits)?;
     input.choice = choice.clone();
     let format = Format::of_file(&path, &mut input)?;
-    input.siblings = Some(Siblings { root: data_dir, directory: path.parent().unwrap_or(data_dir) });
+    input.siblings = Some(Siblings { root: data_dir, directory: path.parent().unwrap_or(data_dir), watch: None });
     work(input, format)
 }

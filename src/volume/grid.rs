@@ -74,6 +74,17 @@ impl Grid {
         check_direction("direction", self.direction)
     }
 
+    /// The grid of blocks of `factor` voxels, `dims` of them, the first of which begins with the voxel `first`.
+    pub(super) fn part(&self, first: [u32; 3], factor: [u32; 3], dims: [u32; 3]) -> Self {
+        let steps =
+            DVec3::from_array(std::array::from_fn(|axis| f64::from(first[axis]) + 0.5 * f64::from(factor[axis] - 1)))
+                * self.spacing;
+        let [x, y, z] = self.direction;
+        let origin = self.origin + x * steps.x + y * steps.y + z * steps.z;
+        let spacing = self.spacing * DVec3::from_array(factor.map(f64::from));
+        Self { dims, spacing, origin, direction: self.direction }
+    }
+
     /// Number of voxels.
     pub fn voxel_count(&self) -> u64 {
         self.dims.iter().map(|&n| u64::from(n)).product()

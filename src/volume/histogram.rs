@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::sample::{Sample, with_voxels};
-use super::{CodeMap, Volume, VolumeError};
+use super::{CodeMap, LoadWatch, Volume, VolumeError};
 
 /// Counts of values in bins of equal width over the volume's value range.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,24 +32,30 @@ impl Volume {
         if !(1..=MAX_BINS).contains(&bins) {
             return Err(VolumeError::malformed("bins", format!("{bins} is not in 1 to {MAX_BINS}")));
         }
-        let counts = with_voxels!(&self.voxels, v => count(v, &self.code_map, bins as usize));
+        self.count(bins, &LoadWatch::default())
+    }
+
+    /// [`Volume::histogram`] of a number of bins that is right; counts voxels as work.
+    pub(super) fn count(&self, bins: u32, watch: &LoadWatch) -> Result<Histogram, VolumeError> {
+        let counts = with_voxels!(&self.voxels, v => count(v, &self.code_map, bins as usize, watch))?;
         Ok(Histogram { range: self.code_map.value_range(), counts })
     }
 }
 
-fn count<T: Sample>(values: &[T], map: &CodeMap, bins: usize) -> Vec<u64> {
+fn count<T: Sample>(values: &[T], map: &CodeMap, bins: usize, watch: &LoadWatch) -> Result<Vec<u64>, VolumeError> {
     let count_chunk = |values: &[T]| {
         let mut counts = vec![0; bins];
         for value in values.iter().map(|v| v.to_f64()).filter(|v| !v.is_nan()) {
             counts[bin(value, map, bins)] += 1;
         }
-        counts
+        watch.step(values.len() as u64)?;
+        Ok(counts)
     };
     let add = |mut sum: Vec<u64>, counts: Vec<u64>| {
         sum.iter_mut().zip(counts).for_each(|(sum, n)| *sum += n);
-        sum
+        Ok(sum)
     };
-    values.par_chunks(CHUNK).map(count_chunk).reduce_with(add).unwrap_or_else(|| vec![0; bins])
+    values.par_chunks(CHUNK).map(count_chunk).try_reduce_with(add).unwrap_or_else(|| Ok(vec![0; bins]))
 }
 
 fn bin(value: f64, map: &CodeMap, bins: usize) -> usize {

@@ -5,8 +5,9 @@ use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use super::voxels::data_error;
+use super::watch::Watched;
 use super::wrap::Wrapping;
-use super::{Limits, RawSpec, VolumeError};
+use super::{Limits, LoadStage, LoadWatch, RawSpec, VolumeError};
 
 /// Bytes of which a format can be recognised.
 const HEAD_BYTES: u64 = 1024;
@@ -21,6 +22,8 @@ pub struct Siblings<'a> {
     pub root: &'a Path,
     /// The header's own directory, which names of data files are relative to; inside `root`.
     pub directory: &'a Path,
+    /// Told of what is read of them.
+    pub watch: Option<&'a LoadWatch>,
 }
 
 /// The bytes of a file, wherever they are.
@@ -59,6 +62,8 @@ pub(super) struct Input<'a> {
     pub(super) choice: Choice,
     /// How large the volume may be.
     pub(super) limits: &'a Limits,
+    /// Told of what is read; may call it off.
+    pub(super) watch: Option<&'a LoadWatch>,
 }
 
 /// The bytes of a file from its beginning.
@@ -83,11 +88,34 @@ impl<'a> Input<'a> {
     ) -> Result<Self, VolumeError> {
         let mut magic = Vec::new();
         if !matches!(source, Source::Folder(_)) {
-            open(&mut source)
+            open(&mut source, None)
                 .and_then(|(reader, _)| reader.take(4).read_to_end(&mut magic))
                 .map_err(|e| VolumeError::io(field, e))?;
         }
-        Ok(Self { source, wrapping: Wrapping::of(&magic), siblings: None, raw, choice: Choice::default(), limits })
+        Ok(Self {
+            source,
+            wrapping: Wrapping::of(&magic),
+            siblings: None,
+            raw,
+            choice: Choice::default(),
+            limits,
+            watch: None,
+        })
+    }
+
+    /// From here on the reading of the file is watched.
+    pub(super) fn watched_by(&mut self, watch: &'a LoadWatch) -> Result<(), VolumeError> {
+        let length = match &self.source {
+            Source::Bytes(bytes) => bytes.len() as u64,
+            Source::File(file) => file.metadata().map_err(|e| VolumeError::io("path", e))?.len(),
+            Source::Folder(_) => 0,
+        };
+        watch.begin(LoadStage::Reading, length);
+        self.watch = Some(watch);
+        if let Some(siblings) = &mut self.siblings {
+            siblings.watch = Some(watch);
+        }
+        Ok(())
     }
 
     /// The folder, if it is one and not a file.
@@ -101,7 +129,7 @@ impl<'a> Input<'a> {
     /// The file as a stream from its beginning; may be asked for again. What is wrapped ends where no volume within
     /// the limits would go on, so that time is limited too.
     pub(super) fn open(&mut self) -> Result<Stream<'_>, VolumeError> {
-        let (reader, length) = open(&mut self.source).map_err(|e| VolumeError::io("path", e))?;
+        let (reader, length) = open(&mut self.source, self.watch).map_err(|e| VolumeError::io("path", e))?;
         let most = self.limits.max_bytes.saturating_mul(MAX_UNWRAPPED_RATIO).max(MAX_UNWRAPPED_BYTES);
         Ok(match self.wrapping {
             None => Stream { reader, length: Some(length) },
@@ -111,13 +139,14 @@ impl<'a> Input<'a> {
 
     /// The file as it is, with what it is wrapped in.
     pub(super) fn open_wrapped(&mut self) -> Result<Stream<'_>, VolumeError> {
-        let (reader, length) = open(&mut self.source).map_err(|e| VolumeError::io("path", e))?;
+        let (reader, length) = open(&mut self.source, self.watch).map_err(|e| VolumeError::io("path", e))?;
         Ok(Stream { reader, length: Some(length) })
     }
 
     /// The file for formats that are read by jumping about. What is wrapped is unwrapped into memory, and refused
     /// when more than a GiB comes out, or more than the largest volume may have bytes.
     pub(super) fn seekable(&mut self) -> Result<Box<dyn ReadSeek + '_>, VolumeError> {
+        let watch = self.watch;
         if self.wrapping.is_some() {
             let limit = self.limits.max_bytes.min(MAX_UNWRAPPED_BYTES);
             let mut bytes = Vec::new();
@@ -128,13 +157,13 @@ impl<'a> Input<'a> {
                 let field = "file".to_owned();
                 return Err(VolumeError::TooLarge { field, unit: "bytes", needed: u128::from(needed), limit });
             }
-            return Ok(Box::new(Cursor::new(bytes)));
+            return Ok(Box::new(Watched::uncounted(Cursor::new(bytes), watch)));
         }
         Ok(match &mut self.source {
-            Source::Bytes(bytes) => Box::new(Cursor::new(*bytes)),
+            Source::Bytes(bytes) => Box::new(Watched::new(Cursor::new(*bytes), watch)),
             Source::File(file) => {
                 file.rewind().map_err(|e| VolumeError::io("path", e))?;
-                Box::new(BufReader::new(&*file))
+                Box::new(BufReader::new(Watched::new(&*file, watch)))
             }
             Source::Folder(_) => return Err(VolumeError::io("path", io::ErrorKind::IsADirectory.into())),
         })
@@ -151,14 +180,14 @@ impl<'a> Input<'a> {
     }
 }
 
-fn open<'a>(source: &'a mut Source<'_>) -> io::Result<(Box<dyn BufRead + 'a>, u64)> {
+fn open<'a>(source: &'a mut Source<'_>, watch: Option<&'a LoadWatch>) -> io::Result<(Box<dyn BufRead + 'a>, u64)> {
     Ok(match source {
-        Source::Bytes(bytes) => (Box::new(*bytes), bytes.len() as u64),
+        Source::Bytes(bytes) => (Box::new(Watched::new(*bytes, watch)), bytes.len() as u64),
         Source::File(file) => {
             file.rewind()?;
             let length = file.metadata()?.len();
             // What is appended meanwhile is not part of it.
-            (Box::new(BufReader::new(&*file).take(length)), length)
+            (Box::new(BufReader::new(Watched::new(&*file, watch)).take(length)), length)
         }
         Source::Folder(_) => return Err(io::ErrorKind::IsADirectory.into()),
     })

@@ -5,6 +5,7 @@
 mod about;
 mod archive;
 mod ascii;
+mod average;
 mod bricks;
 mod channels;
 mod code_map;
@@ -25,9 +26,11 @@ mod nifti;
 mod npy;
 pub mod nrrd;
 mod paths;
+mod prepare;
 mod probe;
 pub mod procedural;
 mod raw;
+mod resolution;
 mod sample;
 mod scaled;
 mod shape;
@@ -37,6 +40,7 @@ mod tiff;
 mod units;
 mod voxels;
 mod vti;
+mod watch;
 mod wrap;
 mod zarr;
 
@@ -51,17 +55,18 @@ pub use histogram::{Histogram, MAX_BINS};
 pub use input::Choice;
 pub use limits::{Limits, bytes_needed};
 pub use listing::{ListedFile, Listing, list_directory};
+pub use prepare::Derived;
 pub use probe::Probe;
 pub use procedural::{ProceduralKind, ProceduralSpec};
 pub use raw::RawSpec;
+pub use resolution::{Region, Resolution, factor_that_fits, parse_region, reduced_dims, region_dims};
 pub use shape::Shape;
 pub use slice::{LARGEST_THUMBNAIL, SliceAxis, SliceSize, slice_orientation};
 pub use voxels::{Endian, VoxelStatistics, VoxelType, Voxels};
+pub use watch::{LoadProgress, LoadStage, LoadWatch};
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
-
-use sha2::{Digest, Sha256};
 
 /// Name of a resident volume, as clients see it (`v_3f2a`).
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -86,6 +91,8 @@ pub struct Volume {
     pub nan_count: u64,
     /// What its file says besides, if it came from one.
     pub about: About,
+    /// How much of its source this is.
+    pub resolution: Resolution,
     /// See [`Volume::bricks`].
     bricks: OnceLock<Arc<Bricks>>,
 }
@@ -111,7 +118,8 @@ impl Volume {
         } else {
             CodeMap::for_floats(lowest, highest)
         };
-        Ok(Self { grid, voxels, code_map, nan_count, about: About::default(), bricks: OnceLock::new() })
+        let resolution = Resolution::full(grid.dims);
+        Ok(Self { grid, voxels, code_map, nan_count, about: About::default(), resolution, bricks: OnceLock::new() })
     }
 
     /// The same volume with this said about it.
@@ -132,24 +140,5 @@ impl Volume {
         assert!(i < nx && j < ny, "voxel ({i}, {j}, {k}) is outside {:?}", self.grid.dims);
         let value = self.voxels.value((k as usize * ny as usize + j as usize) * nx as usize + i as usize);
         if value.is_nan() { self.code_map.lowest } else { value }
-    }
-
-    /// SHA-256 of what the volume is, as 64 hex digits: dims, voxel type, geometry and voxels, in that order and in
-    /// little-endian bytes, so that the same volume has the same sum whatever file it came from.
-    pub fn sha256_hex(&self) -> String {
-        let mut sha = Sha256::new();
-        for n in self.grid.dims {
-            sha.update(n.to_le_bytes());
-        }
-        sha.update(self.voxels.voxel_type().name());
-        let [x, y, z] = self.grid.direction;
-        for v in [self.grid.spacing, self.grid.origin, x, y, z] {
-            for component in v.to_array() {
-                // Adding 0 turns -0 into 0.
-                sha.update((component + 0.0).to_le_bytes());
-            }
-        }
-        sha.update(self.voxels.little_endian_bytes());
-        sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }

@@ -15,7 +15,7 @@ pub struct Shape {
 
 impl Shape {
     /// Of a volume whose geometry is known.
-    pub(super) fn of(grid: &Grid, voxel_type: VoxelType) -> Self {
+    pub fn of(grid: &Grid, voxel_type: VoxelType) -> Self {
         Self { dims: grid.dims, voxel_type, spacing: Some(grid.spacing.to_array()) }
     }
 

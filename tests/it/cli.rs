@@ -73,6 +73,20 @@ fn one_of_several_volumes_in_a_file_is_named_after_it() {
 }
 
 #[test]
+fn a_part_of_a_volume_is_named_after_it() {
+    let inspect = |argument: &str| -> Value { serde_json::from_str(&done(&["inspect", argument])).expect("JSON") };
+    let part = inspect("procedural:boxes:20,10,5#region=2,3,1,20,10,5");
+    assert_eq!((&part["dims"], &part["origin"]), (&serde_json::json!([18, 7, 4]), &serde_json::json!([2.0, 3.0, 1.0])));
+    assert_eq!(part["resolution"]["region"], serde_json::json!([[2, 3, 1], [20, 10, 5]]));
+    let series = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/dicom/several.zip#series=5#region=0,0,1,5,4,3");
+    assert_eq!(inspect(series)["dims"], serde_json::json!([5, 4, 2]));
+    for bad in ["2,3,1,20,10", "2,3,1,20,10,6", "2,3,1,2,10,5", "x"] {
+        let message = failed(&["inspect", &format!("procedural:boxes:20,10,5#region={bad}")], 1);
+        assert!(message.contains("region"), "{bad}: {message}");
+    }
+}
+
+#[test]
 fn openapi_prints_the_document() {
     let printed: Value = serde_json::from_str(&done(&["openapi"])).expect("JSON");
     assert_eq!(printed, spao_server::api::document());

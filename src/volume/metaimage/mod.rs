@@ -16,6 +16,7 @@ use header::{DataFile, Header};
 
 use super::input::{Input, Siblings, Stream, finish};
 use super::voxels::data_error;
+use super::watch::Watched;
 use super::{About, Limits, Shape, Volume, VolumeError, Voxels, paths};
 
 /// Bytes of a gzip stream, which some writers have instead of zlib.
@@ -55,7 +56,7 @@ pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     Ok(Shape::of(&header.grid, header.voxel_type))
 }
 
-fn open_beside(name: &str, siblings: Option<Siblings>) -> Result<Stream<'static>, VolumeError> {
+fn open_beside<'a>(name: &str, siblings: Option<Siblings<'a>>) -> Result<Stream<'a>, VolumeError> {
     let field = "ElementDataFile";
     let siblings = siblings.ok_or_else(|| {
         let message = "the data are in another file: load the header by its path in the data directory, or upload an \
@@ -64,6 +65,10 @@ fn open_beside(name: &str, siblings: Option<Siblings>) -> Result<Stream<'static>
     })?;
     let path = paths::resolve_inside(siblings.root, siblings.directory, name, field)?;
     let (file, length) = paths::open(&path, field)?;
+    if let Some(watch) = siblings.watch {
+        watch.expect(length);
+    }
+    let file = Watched::new(file, siblings.watch);
     Ok(Stream { reader: Box::new(BufReader::new(file).take(length)), length: Some(length) })
 }
 

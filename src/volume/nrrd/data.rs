@@ -7,6 +7,7 @@ use flate2::bufread::MultiGzDecoder;
 use super::{ByteSkip, Encoding, Header, Siblings};
 use crate::volume::paths;
 use crate::volume::voxels::data_error;
+use crate::volume::watch::Watched;
 use crate::volume::{Limits, VolumeError, Voxels};
 
 /// No deflate stream expands by more than 1032:1.
@@ -28,9 +29,12 @@ pub(super) fn append_files(
     // All of them before the first is read: a missing one is found early.
     let resolve = |name: &String| paths::resolve_inside(siblings.root, siblings.directory, name, "data file");
     let files: Vec<_> = names.iter().map(resolve).collect::<Result<_, _>>()?;
+    if let Some(watch) = siblings.watch {
+        watch.expect(files.iter().filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum());
+    }
     for path in files {
         let (file, length) = paths::open(&path, "data file")?;
-        let source = BufReader::new(file).take(length);
+        let source = BufReader::new(Watched::new(file, siblings.watch)).take(length);
         append("data file", voxels, source, header, count / names.len(), limits)?;
     }
     Ok(())

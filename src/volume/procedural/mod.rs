@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::sample::Sample;
-use super::{Grid, Limits, Volume, VolumeError, VoxelType, Voxels};
+use super::{Grid, Limits, LoadStage, LoadWatch, Volume, VolumeError, VoxelType, Voxels};
 
 /// Most voxels along an axis of a procedural volume.
 pub const MAX_AXIS: u32 = 4096;
@@ -74,53 +74,84 @@ impl ProceduralSpec {
     /// # Errors
     /// Names `dims` if they are 0 or beyond the limits, `spacing` if it is not positive.
     pub fn generate(&self, limits: &Limits) -> Result<Volume, VolumeError> {
+        self.generate_watched(limits, &LoadWatch::default())
+    }
+
+    /// [`ProceduralSpec::generate`] that tells how far it is, and may be called off.
+    ///
+    /// # Errors
+    /// As [`ProceduralSpec::generate`], and [`VolumeError::Cancelled`].
+    pub fn generate_watched(&self, limits: &Limits, watch: &LoadWatch) -> Result<Volume, VolumeError> {
         let limits = Limits { max_axis: limits.max_axis.min(MAX_AXIS), ..*limits };
         let count = limits.check("dims", self.dims, self.voxel_type())?;
         let grid = Grid::axis_aligned(self.dims, DVec3::from_array(self.spacing.unwrap_or([1.0; 3])));
         grid.check()?;
         let mut voxels = Voxels::empty(self.voxel_type());
         voxels.reserve("dims", count)?;
+        watch.begin(LoadStage::Reading, u64::from(self.dims[2]));
         match &mut voxels {
-            Voxels::U8(out) => self.fill_u8(out, count),
-            Voxels::U16(out) => self.fill_u16(out, count),
+            Voxels::U8(out) => self.fill_u8(out, count, watch)?,
+            Voxels::U16(out) => self.fill_u16(out, count, watch)?,
             _ => unreachable!("voxel_type() is u8 or u16"),
         }
         Volume::new(grid, voxels)
     }
 
-    fn fill_u8(&self, out: &mut Vec<u8>, count: usize) {
+    fn fill_u8(&self, out: &mut Vec<u8>, count: usize, watch: &LoadWatch) -> Result<(), VolumeError> {
         out.resize(count, 0);
         let dims = self.dims;
         match self.kind {
-            ProceduralKind::Gyroid => fill(dims, out, gyroid::voxel(dims, self.seed)),
-            ProceduralKind::Menger => fill(dims, out, menger::voxel(dims)),
-            ProceduralKind::Mandelbulb => fill(dims, out, mandelbulb::voxel(dims)),
-            ProceduralKind::SphereFlake => sphere_flake::fill(dims, out),
-            ProceduralKind::Boxes => fill(dims, out, boxes::voxel(dims)),
-            ProceduralKind::SphereOnPlane => fill(dims, out, sphere_on_plane::voxel(dims)),
+            ProceduralKind::Gyroid => fill(dims, out, watch, gyroid::voxel(dims, self.seed)),
+            ProceduralKind::Menger => fill(dims, out, watch, menger::voxel(dims)),
+            ProceduralKind::Mandelbulb => fill(dims, out, watch, mandelbulb::voxel(dims)),
+            ProceduralKind::SphereFlake => sphere_flake::fill(dims, out, watch),
+            ProceduralKind::Boxes => fill(dims, out, watch, boxes::voxel(dims)),
+            ProceduralKind::SphereOnPlane => fill(dims, out, watch, sphere_on_plane::voxel(dims)),
             ProceduralKind::MarschnerLobb | ProceduralKind::Cloud => unreachable!("these are u16"),
         }
     }
 
-    fn fill_u16(&self, out: &mut Vec<u16>, count: usize) {
+    fn fill_u16(&self, out: &mut Vec<u16>, count: usize, watch: &LoadWatch) -> Result<(), VolumeError> {
         out.resize(count, 0);
         match self.kind {
-            ProceduralKind::Cloud => fill(self.dims, out, cloud::voxel(self.dims, self.seed)),
-            _ => fill(self.dims, out, marschner_lobb::voxel(self.dims)),
+            ProceduralKind::Cloud => fill(self.dims, out, watch, cloud::voxel(self.dims, self.seed)),
+            _ => fill(self.dims, out, watch, marschner_lobb::voxel(self.dims)),
         }
     }
 }
 
 /// Sets every voxel from its integer position.
-fn fill<T: Sample>(dims: [u32; 3], out: &mut [T], voxel: impl Fn([u32; 3]) -> T + Sync) {
-    let [nx, ny, _] = dims.map(|n| n as usize);
-    out.par_chunks_mut(nx * ny).enumerate().for_each(|(k, slice)| {
-        for (j, row) in slice.chunks_mut(nx).enumerate() {
+fn fill<T: Sample>(
+    dims: [u32; 3],
+    out: &mut [T],
+    watch: &LoadWatch,
+    voxel: impl Fn([u32; 3]) -> T + Sync,
+) -> Result<(), VolumeError> {
+    each_slice(dims, out, watch, |k, slice| {
+        for (j, row) in slice.chunks_mut(dims[0] as usize).enumerate() {
+            if watch.is_cancelled() {
+                return;
+            }
             for (i, out) in row.iter_mut().enumerate() {
                 *out = voxel([i as u32, j as u32, k as u32]);
             }
         }
-    });
+    })
+}
+
+/// Fills every slice by its number, in parallel; a slice is a unit of work.
+fn each_slice<T: Sample>(
+    dims: [u32; 3],
+    out: &mut [T],
+    watch: &LoadWatch,
+    draw: impl Fn(usize, &mut [T]) + Sync,
+) -> Result<(), VolumeError> {
+    let slice_voxels = dims[0] as usize * dims[1] as usize;
+    out.par_chunks_mut(slice_voxels).enumerate().try_for_each(|(k, slice)| {
+        watch.check()?;
+        draw(k, slice);
+        watch.step(1)
+    })
 }
 
 /// Centre of a voxel in index space.

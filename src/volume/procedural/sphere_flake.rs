@@ -3,9 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
-use super::{coverage, dims_vec};
+use super::{coverage, dims_vec, each_slice};
+use crate::volume::{LoadWatch, VolumeError};
 
 /// Generations of spheres, if voxels are fine enough to show them.
 const GENERATIONS: u32 = 5;
@@ -24,7 +24,7 @@ struct Sphere {
 
 /// 255 inside the spheres, with a ramp over two voxels at their surface: central differences see all of it, so that
 /// shading is smooth. The flake fills the shortest axis.
-pub(super) fn fill(dims: [u32; 3], out: &mut [u8]) {
+pub(super) fn fill(dims: [u32; 3], out: &mut [u8], watch: &LoadWatch) -> Result<(), VolumeError> {
     let size = dims_vec(dims);
     let mut spheres = Vec::new();
     // A line of ever smaller touching spheres reaches (1 + 2/3 + 2/9 + ...) = 2 radii from the centre.
@@ -32,12 +32,12 @@ pub(super) fn fill(dims: [u32; 3], out: &mut [u8]) {
     add_flake(&mut spheres, first, DVec3::Z, GENERATIONS);
 
     let [nx, ny, _] = dims.map(|n| n as usize);
-    out.par_chunks_mut(nx * ny).enumerate().for_each(|(k, slice)| {
+    each_slice(dims, out, watch, |k, slice| {
         let z = k as f64 + 0.5;
         for sphere in spheres.iter().filter(|s| (s.centre.z - z).abs() < s.radius + 1.0) {
             draw(sphere, z, slice, [nx, ny]);
         }
-    });
+    })
 }
 
 /// A sphere, six children around its equator and three at its top, and theirs.

@@ -52,6 +52,7 @@ impl Selection {
 }
 
 /// Reads every chunk that holds voxels; what is in none has the array's fill value.
+/// `begun` is told, before each chunk, how many there are.
 ///
 /// # Errors
 /// Names `chunks` if they are too many or too large, or none of them is there, and `chunk` if one is damaged.
@@ -60,13 +61,16 @@ pub(super) fn read(
     array: &Array,
     selection: &Selection,
     limits: &Limits,
+    mut begun: impl FnMut(u64) -> Result<(), VolumeError>,
 ) -> Result<Voxels, VolumeError> {
     let count = limits.check("shape", selection.dims, array.stored.voxel_type())?;
     check(array, selection, limits)?;
     let mut target = Target { array, selection, count, voxels: Voxels::empty(array.stored.voxel_type()) };
     let ranges = selection.chunks(array, &array.outer);
     let mut coordinates: Vec<u64> = ranges.iter().map(|range| range.0).collect();
+    let chunks = ranges.iter().map(|range| range.1 - range.0).product();
     loop {
+        begun(chunks)?;
         let key = array.key(&coordinates);
         let origin: Vec<u64> = coordinates.iter().zip(&array.outer).map(|(c, size)| c * size).collect();
         if array.shard.is_some() {

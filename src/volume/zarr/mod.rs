@@ -42,9 +42,18 @@ pub(super) use store::is_zarr;
 /// damaged. Sizes beyond the limits are refused before anything is allocated.
 pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
     let (choice, limits) = (input.choice.clone(), *input.limits);
+    // Of an archive the bytes are counted already.
+    let (watch, mut counts) = (input.watch, input.folder().is_some());
+    let units = u64::from(counts);
     let mut store = Store::open(input)?;
     let Plan { array, selection, grid, about, .. } = Plan::new(&mut store, &choice, &limits)?;
-    let voxels = chunks::read(&mut store, &array, &selection, &limits)?;
+    let voxels = chunks::read(&mut store, &array, &selection, &limits, |chunks| {
+        let Some(watch) = watch else { return Ok(()) };
+        if std::mem::take(&mut counts) {
+            watch.expect(chunks);
+        }
+        watch.step(units)
+    })?;
     Ok(Volume::new(grid, voxels)?.with_about(about))
 }
 

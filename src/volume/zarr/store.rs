@@ -154,10 +154,10 @@ fn prefix<'n>(names: impl Iterator<Item = &'n str>) -> Result<String, VolumeErro
     for name in names {
         match name.rsplit_once('/') {
             None if DOCUMENTS.contains(&name) => return Ok(String::new()),
-            Some((folder, name)) if DOCUMENTS.contains(&name) && !folder.contains('/') => {
-                if !folders.contains(&folder) {
-                    folders.push(folder);
-                }
+            Some((folder, name))
+                if DOCUMENTS.contains(&name) && !folder.contains('/') && !folders.contains(&folder) =>
+            {
+                folders.push(folder);
             }
             _ => {}
         }

@@ -277,14 +277,14 @@ async fn a_volume_that_does_not_fit_says_what_is_needed_and_what_is_there() {
     let (renderer, _thread) = RenderHandle::spawn(options).expect("an adapter");
     let server = Server::with_renderer(&[], renderer);
     let small = server.volume().await;
-    let answer = server.post("/v1/volumes", &procedural("gyroid", [160, 160, 160])).await;
+    let answer = server.post("/v1/volumes?reduce=never", &procedural("gyroid", [160, 160, 160])).await;
     assert_eq!((answer.status.as_u16(), answer.code().as_str()), (507, "out_of_gpu_memory"), "{answer:?}");
     let details = &answer.json()["error"]["details"];
     assert!(details["needed_bytes"].as_u64() > Some(160 * 160 * 160));
     assert_eq!(details["budget_bytes"], 8 << 20);
     assert_eq!(details["resident"][0]["volume"], json!(small));
     assert_eq!(count(&server).await, 1);
-    let plan = server.post("/v1/volumes?dry_run=true", &procedural("gyroid", [160, 160, 160])).await;
+    let plan = server.post("/v1/volumes?dry_run=true&reduce=never", &procedural("gyroid", [160, 160, 160])).await;
     assert_eq!(plan.json()["fits"], false);
 }
 

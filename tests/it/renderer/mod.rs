@@ -7,5 +7,6 @@ mod head;
 mod memory;
 mod orientation;
 mod pictures;
+mod room;
 mod skipping;
 mod support;

@@ -1,5 +1,6 @@
 //! Volumes: voxels, codes, histograms, files and procedural volumes.
 
+mod average;
 mod bricks;
 mod code_map;
 mod dicom;
@@ -24,6 +25,7 @@ mod procedural;
 mod tiff;
 mod voxels;
 mod vti;
+mod watch;
 mod wrapping;
 mod zarr;
 mod zarr_errors;
