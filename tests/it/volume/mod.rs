@@ -25,7 +25,7 @@ mod tiff;
 mod voxels;
 mod vti;
 mod wrapping;
-mod zarr;
+pub(crate) mod zarr;
 mod zarr_errors;
 
 use proptest::test_runner::{Config as ProptestConfig, RngSeed};
