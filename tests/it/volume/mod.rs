@@ -12,6 +12,7 @@ mod formats_fuzz;
 mod histogram;
 mod hostile;
 pub(crate) mod independent;
+mod jpeg2000;
 pub(crate) mod makers;
 mod metaimage;
 mod nifti;
