@@ -154,14 +154,12 @@ fn prefix<'n>(names: impl Iterator<Item = &'n str>) -> Result<String, VolumeErro
     for name in names {
         match name.rsplit_once('/') {
             None if DOCUMENTS.contains(&name) => return Ok(String::new()),
-            Some((folder, name))
-                if DOCUMENTS.contains(&name) && !folder.contains('/') && !folders.contains(&folder) =>
-            {
-                folders.push(folder);
-            }
+            Some((folder, name)) if DOCUMENTS.contains(&name) && !folder.contains('/') => folders.push(folder),
             _ => {}
         }
     }
+    folders.sort_unstable();
+    folders.dedup();
     match folders[..] {
         [folder] => Ok(format!("{folder}/")),
         [] => Err(VolumeError::malformed(

@@ -1,5 +1,7 @@
 //! The value at a place, downloads of voxels, and what a file's header says besides.
 
+use std::path::Path;
+
 use futures_util::StreamExt;
 use glam::{DVec3, dvec3};
 use serde_json::{Value, json};
@@ -7,7 +9,7 @@ use spao_server::api::AppState;
 use spao_server::volume::{Format, Limits, Volume, format};
 
 use super::{Answer, Server};
-use crate::volume::independent;
+use crate::volume::{independent, zarr};
 
 /// An oblique volume of 3 x 2 x 2 voxels, one of which is NaN.
 fn oblique() -> Vec<u8> {
@@ -111,24 +113,27 @@ fn differences(got: &Volume, expected: &Volume, with_geometry: bool) -> Vec<&'st
 
 #[tokio::test]
 async fn every_format_comes_back_as_nrrd_and_numpy_byte_for_byte() {
-    let server = Server::new(&["--data-dir", independent::directory().to_str().expect("UTF-8"), "--max-volumes", "2"]);
+    let names = independent::expected().into_iter().map(|expected| expected.file).collect();
+    assert!(round_trips(&independent::directory(), names).await > 100);
+    assert!(round_trips(&zarr::folder(), zarr::archives()).await > 60);
+}
+
+/// Loads files of a directory and compares their downloads with what is in them.
+async fn round_trips(directory: &Path, names: Vec<String>) -> usize {
+    let server = Server::new(&["--data-dir", directory.to_str().expect("UTF-8"), "--max-volumes", "2"]);
     let none: [&str; 0] = [];
-    let mut files = 0;
-    for expected in independent::expected() {
-        let body = json!({ "source": { "path": expected.file } });
-        let answer = server.post("/v1/volumes", &body).await;
-        assert_eq!(answer.status, 201, "{answer:?}");
+    for name in &names {
+        let answer = server.post("/v1/volumes", &json!({ "source": { "path": name } })).await;
+        assert_eq!(answer.status, 201, "{name}: {answer:?}");
         let path = answer.header("location").to_owned();
-        let directory = independent::directory();
-        let loaded = format::load_path(&expected.file, &directory, None, &Limits::default()).expect("a fixture");
+        let loaded = format::load_path(name, directory, None, &Limits::default()).expect("a fixture");
         let nrrd = read(&download(&server, &path, "nrrd").await, "nrrd");
-        assert_eq!(differences(&nrrd, &loaded, true), none, "{}", expected.file);
+        assert_eq!(differences(&nrrd, &loaded, true), none, "{name}");
         let npy = read(&download(&server, &path, "npy").await, "npy");
-        assert_eq!(differences(&npy, &loaded, false), none, "{}", expected.file);
+        assert_eq!(differences(&npy, &loaded, false), none, "{name}");
         server.delete(&path).await;
-        files += 1;
     }
-    assert!(files > 100, "{files}");
+    names.len()
 }
 
 #[tokio::test]
@@ -230,10 +235,16 @@ async fn the_technique_of_scans_and_microscopes_is_shown_and_the_patient_is_not(
     assert!(!secret.iter().any(|keyword| shown.contains(&(*keyword).to_owned())), "{shown:?}");
     assert!(!String::from_utf8_lossy(&answer.bytes).contains("Secret"), "{answer:?}");
     assert!(answer.json()["withheld"].as_u64() >= Some(secret.len() as u64));
+    let packed = upload(&closed, &data("dicom/jpeg2000.zip"), "").await;
+    assert!(names(&closed.get(&format!("{packed}/metadata")).await).contains(&"KVP".to_owned()));
     let cells = upload(&closed, &data("tiff/ome_channels.ome.tif"), "").await;
     let answer = closed.get(&format!("{cells}/metadata")).await;
     assert!(names(&answer).contains(&"SizeZ".to_owned()), "{answer:?}");
     assert!(!names(&answer).contains(&"ImageDescription".to_owned()), "{answer:?}");
+    let levels = upload(&closed, &data("zarr/ome_05.zip"), "scale=1").await;
+    let answer = closed.get(&format!("{levels}/metadata")).await;
+    assert!(names(&answer).contains(&"level".to_owned()) && !names(&answer).contains(&"name".to_owned()), "{answer:?}");
+    assert!(!String::from_utf8_lossy(&answer.bytes).contains("Jane"), "{answer:?}");
     // Negative control: with the operator's leave both are shown.
     let open = Server::new(&["--keep-identity"]);
     for (file, hidden) in [("dicom/explicit.zip", "PatientName"), ("tiff/ome_channels.ome.tif", "ImageDescription")] {

@@ -21,7 +21,7 @@ fn read(bytes: &[u8]) -> Result<(), TestCaseError> {
 fn files() -> Vec<Vec<u8>> {
     let mut files: Vec<Vec<u8>> =
         ["frames.dcm", "frames_rle.dcm", "dose.dcm", "several.zip", "gap.zip", "deflated.zip"].map(fixture).into();
-    for name in ["implicit.zip", "big_endian.zip", "rle.zip", "jpeg.zip", "jpeg_lossless.zip"] {
+    for name in ["implicit.zip", "big_endian.zip", "rle.zip", "jpeg.zip", "jpeg_lossless.zip", "jpeg2000.zip"] {
         let unzipped = unzipped(name);
         let named: Vec<(&str, &[u8])> = unzipped.iter().map(|(name, bytes)| (name.as_str(), &bytes[..])).collect();
         files.push(tar(&named));

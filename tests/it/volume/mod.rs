@@ -13,6 +13,7 @@ mod formats_fuzz;
 mod histogram;
 mod hostile;
 pub(crate) mod independent;
+mod jpeg2000;
 pub(crate) mod makers;
 mod metaimage;
 mod nifti;
@@ -27,7 +28,7 @@ mod voxels;
 mod vti;
 mod watch;
 mod wrapping;
-mod zarr;
+pub(crate) mod zarr;
 mod zarr_errors;
 
 use proptest::test_runner::{Config as ProptestConfig, RngSeed};

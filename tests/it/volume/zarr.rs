@@ -1,6 +1,7 @@
 //! OME-Zarr and Zarr against what zarr-python, ome-zarr-py and tensorstore say of the same files
 //! (`tests/data/zarr/make.py`).
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -28,12 +29,18 @@ impl Case {
     }
 }
 
-pub(super) fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/zarr")
 }
 
 pub(super) fn fixture(name: &str) -> Vec<u8> {
     fs::read(folder().join(name)).expect("the fixture is there")
+}
+
+/// Names of the archives, each of them once.
+pub(crate) fn archives() -> Vec<String> {
+    let names: BTreeSet<String> = cases().into_iter().map(|case| case.file).collect();
+    names.into_iter().collect()
 }
 
 fn cases() -> Vec<Case> {
