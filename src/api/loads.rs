@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 use tracing::Instrument;
 
 use super::AppState;
-use crate::error::ApiError;
+use crate::config::Limits;
+use crate::error::{ApiError, ErrorCode};
 use crate::session::{Extent, LoadPermit, LoadRequest, NewVolume, Place, VolumeEntry, VolumeSource};
 use crate::sources::{SourceUrl, Told};
 use crate::volume::format::bare_name;
@@ -66,7 +67,9 @@ impl Wanted {
 /// Loads a volume that nobody waits for; what goes wrong is listed in its place.
 pub(super) fn start(state: AppState, place: Place, wanted: Wanted, permit: LoadPermit) {
     let load = async move {
-        if let Err(error) = run(&state, &place, wanted, permit).await {
+        let late = |_| Err(ApiError::new(ErrorCode::RequestTimeout, "loading the volume took too long"));
+        let loading = tokio::time::timeout(Limits::MAX_UPLOAD_TIME, run(&state, &place, wanted, permit));
+        if let Err(error) = loading.await.unwrap_or_else(late) {
             tracing::info!(volume = place.loading().id().0, %error, "a volume cannot be loaded");
             place.fail(error);
         }

@@ -110,7 +110,7 @@ async fn plan(state: &AppState, wanted: Wanted, mut permit: LoadPermit) -> Resul
     let (plan, _permit) = blocking(move || (request.plan(&limits, &room), permit)).await?;
     let Plan { dims, voxel_type, resolution } = plan.map_err(|error| blame.error(error))?;
     // Integers of a narrow range may turn out to need less.
-    let GpuNeed { volume_bytes, occlusion_bytes } = room.need(dims, voxel_type.bytes().min(2));
+    let GpuNeed { volume_bytes, occlusion_bytes, .. } = room.need(dims, voxel_type.bytes().min(2));
     let memory = state.renderer.memory();
     let fits_axes = dims.iter().all(|&n| n <= room.max_axis);
     Ok(Json(json!({

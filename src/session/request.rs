@@ -58,6 +58,8 @@ pub struct Room {
     pub max_axis: u32,
     /// Bytes of GPU memory that may be used.
     pub budget_bytes: u64,
+    /// Most bytes that can be bound at once.
+    pub largest_binding: u64,
     /// Bytes of a voxel of more than 256 values.
     pub wide_texel_bytes: u64,
 }
@@ -66,7 +68,8 @@ impl Room {
     /// Of an adapter and its budget.
     pub fn of(info: &RendererInfo, budget_bytes: u64) -> Self {
         let wide_texel_bytes = if info.texture_16bit_norm { 2 } else { 4 };
-        Self { max_axis: info.max_volume_axis, budget_bytes, wide_texel_bytes }
+        let (max_axis, largest_binding) = (info.max_volume_axis, info.max_storage_binding_bytes);
+        Self { max_axis, budget_bytes, largest_binding, wide_texel_bytes }
     }
 
     /// What a volume takes; `code_bytes` are those of a voxel's code, 1 or 2.
@@ -76,7 +79,7 @@ impl Room {
 
     /// How many voxels are to be averaged into one so that a volume fits, if it were the only one; 1 where nothing helps.
     pub fn factor(&self, dims: [u32; 3], code_bytes: u64) -> [u32; 3] {
-        let fits = |dims| self.need(dims, code_bytes).fits(self.budget_bytes);
+        let fits = |dims| self.need(dims, code_bytes).fits(self.budget_bytes, self.largest_binding);
         factor_that_fits(dims, self.max_axis, fits).unwrap_or([1; 3])
     }
 }

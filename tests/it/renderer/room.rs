@@ -35,11 +35,25 @@ fn a_volume_takes_what_its_size_says_and_fits_where_that_says_so() {
         assert!(occlusion <= need.occlusion_bytes, "{dims:?}: {used:?} is more than {need:?}");
         assert!(2 * occlusion > need.occlusion_bytes, "{dims:?}: {used:?} is far less than {need:?}");
 
-        let smallest = (1..1024).map(|mib| mib << 20).find(|&budget| need.fits(budget)).expect("1 GiB is enough");
+        let smallest =
+            (1..1024).map(|mib| mib << 20).find(|&budget| need.fits(budget, u64::MAX)).expect("1 GiB is enough");
         let drawn = draw(&volume, smallest);
         assert!(drawn.is_ok(), "{dims:?} in {smallest}: {drawn:?}");
         let refused = draw(&volume, need.volume_bytes + occlusion / 2);
         assert!(matches!(refused, Err(RenderError::DoesNotFit { .. })), "{dims:?}: {refused:?}");
-        assert!(!need.fits(need.volume_bytes + occlusion / 2));
+        assert!(!need.fits(need.volume_bytes + occlusion / 2, u64::MAX));
+        assert!(need.fits(smallest, need.binding_bytes) && !need.fits(smallest, need.binding_bytes - 1));
     }
+}
+
+#[test]
+fn what_grows_with_slices_is_bound_in_pieces_and_what_grows_with_their_size_is_not() {
+    let binding = |dims| GpuNeed::of(dims, 1).binding_bytes;
+    assert_eq!(binding([256, 256, 256]), binding([256, 256, 1000]));
+    assert!(binding([512, 512, 256]) > 3 * binding([256, 256, 256]));
+    // No adapter binds less than 128 MiB; slices of some million voxels need more.
+    assert!(binding([1000, 1000, 500]) < 128 << 20, "{}", binding([1000, 1000, 500]));
+    assert!(binding([2048, 2048, 100]) > 128 << 20, "{}", binding([2048, 2048, 100]));
+    let vast = GpuNeed::of([65536, 65536, 65536], 4);
+    assert!(!vast.fits(1 << 40, 1 << 40), "{vast:?}");
 }

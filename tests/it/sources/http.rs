@@ -162,3 +162,37 @@ async fn a_client_that_leaves_ends_the_fetching() {
     assert!(elsewhere.is_left().await, "the other server still sends");
     assert_nothing_remains(&server).await;
 }
+
+#[tokio::test]
+async fn a_volume_that_is_deleted_while_it_is_fetched_ends_the_fetching() {
+    let elsewhere = Elsewhere::start().await;
+    let server = allowed(&elsewhere, &[]);
+    let url = elsewhere.url("files/slow.nrrd");
+    let started = server.post("/v1/volumes?wait=false", &from(&format!("{url}?signature=secret"))).await;
+    assert_eq!(started.status, 202, "{started:?}");
+    let volume = started.json();
+    assert_eq!((&volume["name"], &volume["source"]), (&json!("slow"), &json!({ "url": url })));
+    assert_eq!((&volume["state"], &volume["progress"]["what"]), (&json!("loading"), &json!("fetching")));
+    while elsewhere.requests() == 0 {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    assert_eq!(server.delete(started.header("location")).await.status, 204);
+    assert!(elsewhere.is_left().await, "the other server still sends");
+    assert_nothing_remains(&server).await;
+}
+
+#[tokio::test]
+async fn a_file_that_cannot_be_fetched_is_listed_as_failed_where_nobody_waits() {
+    let elsewhere = Elsewhere::start().await;
+    let server = allowed(&elsewhere, &[]);
+    let started = server.post("/v1/volumes?wait=false", &from(&elsewhere.url("files/none.nrrd"))).await;
+    assert_eq!(started.status, 202, "{started:?}");
+    let path = started.header("location");
+    let mut volume = started.json();
+    while volume["state"] == "loading" {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+        volume = server.get(path).await.json();
+    }
+    assert_eq!((&volume["state"], &volume["error"]["code"]), (&json!("failed"), &json!("invalid")), "{volume}");
+    assert_eq!(volume["error"]["details"]["path"], "source.url");
+}
