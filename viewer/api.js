@@ -105,32 +105,11 @@ export async function renewKey(refused) {
 const json = async (method, path, body, signal) => (await call(method, path, { json: body, signal })).json();
 const part = encodeURIComponent;
 
-/** Whether the server answers `wait=false`: one that does not loads a volume while the request waits. */
-let canWait = true;
-
-/**
- * Loads a volume without waiting for it.
- * @template T
- * @param {(query: Record<string, string>) => Promise<T>} send
- * @returns {Promise<T>} a volume, perhaps still loading
- */
-export async function withoutWaiting(send) {
-  if (canWait) {
-    try {
-      return await send({ wait: 'false' });
-    } catch (error) {
-      if (error?.details?.path !== 'wait') throw error;
-      canWait = false;
-    }
-  }
-  return send({});
-}
-
 export const api = {
   server: () => json('GET', 'v1/server'),
   volumes: async () => (await json('GET', 'v1/volumes')).volumes,
   volume: (id) => json('GET', `v1/volumes/${part(id)}`),
-  loadVolume: (body, signal) => withoutWaiting((query) => json('POST', `v1/volumes?${new URLSearchParams(query)}`, body, signal)),
+  loadVolume: (body, signal) => json('POST', 'v1/volumes?wait=false', body, signal),
   deleteVolume: (id, force) => call('DELETE', `v1/volumes/${part(id)}${force ? '?force=true' : ''}`),
   metadata: (id) => json('GET', `v1/volumes/${part(id)}/metadata`),
   probe: (id, [x, y, z]) => json('GET', `v1/volumes/${part(id)}/probe?x=${x}&y=${y}&z=${z}`),

@@ -1,6 +1,6 @@
 /** Files to the server, with progress: fetch cannot tell how much has been sent, so this is an XMLHttpRequest. */
 
-import { ApiError, apiKey, authorization, errorFrom, renewKey, urlOf, withoutWaiting } from './api.js';
+import { ApiError, apiKey, authorization, errorFrom, renewKey, urlOf } from './api.js';
 import { foundInDrop } from './file_groups.js';
 import { toastError } from './toast.js';
 
@@ -15,7 +15,7 @@ import { toastError } from './toast.js';
 export async function upload(file, query, onProgress, signal) {
   const keyBefore = apiKey();
   try {
-    return await withoutWaiting((more) => send(file, { ...query, ...more }, onProgress, signal));
+    return await send(file, query, onProgress, signal);
   } catch (error) {
     if (error.status !== 401) throw error;
     await renewKey(keyBefore);
@@ -27,7 +27,7 @@ function send(file, query, onProgress, signal) {
   return new Promise((resolve, reject) => {
     signal?.throwIfAborted();
     const url = urlOf('v1/volumes');
-    url.search = String(new URLSearchParams(query));
+    url.search = String(new URLSearchParams({ ...query, wait: 'false' }));
     const request = new XMLHttpRequest();
     request.open('POST', url);
     for (const [name, value] of Object.entries(authorization())) request.setRequestHeader(name, value);
@@ -36,7 +36,7 @@ function send(file, query, onProgress, signal) {
     request.upload.onprogress = ({ loaded, total }) => onProgress(total > 0 ? loaded / total : 0);
     request.upload.onload = () => onProgress(1);
     request.onload = () => {
-      if (request.status === 201 || request.status === 202) resolve(JSON.parse(request.responseText));
+      if (request.status === 202) resolve(JSON.parse(request.responseText));
       else reject(errorFrom(request.status, request.responseText));
     };
     const failed = (code, message) => () => reject(new ApiError(0, { code, message }));

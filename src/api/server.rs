@@ -28,7 +28,7 @@ pub(super) async fn show(State(state): State<AppState>, query: QueryParams) -> R
         "scenes": state.scenes.list().len(),
         "features": {
             "volume_formats": Format::all().map(Format::name).collect::<Vec<_>>(),
-            "volume_sources": ["upload", "path", "procedural"],
+            "volume_sources": volume_sources(&state),
             "image_formats": ImageFormat::ALL.map(ImageFormat::name),
             "ao_methods": ["off", "spao", "raytraced"],
             "ao_structures": ["n_buffer", "mipmap", "hybrid"],
@@ -38,6 +38,17 @@ pub(super) async fn show(State(state): State<AppState>, query: QueryParams) -> R
         },
         "self_test": null,
     })))
+}
+
+/// Where this server takes volumes from.
+fn volume_sources(state: &AppState) -> Vec<&'static str> {
+    let sources = [
+        ("upload", true),
+        ("path", state.data_dir.is_some()),
+        ("url", state.sources.any_allowed()),
+        ("procedural", true),
+    ];
+    sources.into_iter().filter(|(_, there)| *there).map(|(name, _)| name).collect()
 }
 
 /// `GET /livez`: the process answers.

@@ -78,6 +78,11 @@ impl Sources {
         Self { allowed, allow_private, patience, client: OnceLock::new() }
     }
 
+    /// Whether anything may be fetched at all.
+    pub fn any_allowed(&self) -> bool {
+        !self.allowed.is_empty()
+    }
+
     /// Whether a URL may be fetched; nothing is connected.
     ///
     /// # Errors

@@ -115,7 +115,10 @@ async fn nothing_is_fetched_that_is_not_allowed() {
     let file = elsewhere.url("files/small.nrrd");
     let closed = Server::new(&["--allow-private-sources"]);
     assert_eq!(load(&closed, &file).await.verdict(), (422, "invalid".into(), "source.url".into()));
+    let sources = async |server: &Server| server.get("/v1/server").await.json()["features"]["volume_sources"].clone();
+    assert_eq!(sources(&closed).await, json!(["upload", "procedural"]));
     let server = allowed(&elsewhere, &[]);
+    assert_eq!(sources(&server).await, json!(["upload", "url", "procedural"]));
     for url in [
         elsewhere.url("secret/small.nrrd"),
         elsewhere.url("files/../secret/small.nrrd"),
