@@ -16,6 +16,11 @@ const MAX_TILES: u64 = 65_535;
 /// Exponent of the smallest side of a precinct that is read, the lowest resolutions apart: each takes memory.
 const LEAST_PRECINCT: u8 = 5;
 
+/// Voxels of a picture of which each byte of its codestream may stand for no more than so many: an empty code block.
+/// Decoding takes some twenty bytes for each voxel, however few bytes they come from.
+const LARGE: usize = 1 << 24;
+const MOST_PER_BYTE: usize = 1 << 12;
+
 /// Markers.
 const SIZE: u8 = 0x51;
 const CODING: u8 = 0x52;
@@ -39,6 +44,9 @@ pub(super) fn decode(layout: &Layout, packed: &[u8]) -> Result<Vec<u8>, VolumeEr
     };
     if u16::from(bits) > allocated.min(16) {
         return Err(malformed(&format!("{bits} bits in voxels of {}; expected at most 16", allocated)));
+    }
+    if layout.pixels() > LARGE && packed.len() < layout.pixels() / MOST_PER_BYTE {
+        return Err(malformed(&format!("{} bytes are too few for {} voxels", packed.len(), layout.pixels())));
     }
     let fault = |error| malformed(&format!("{error}"));
     let image = Image::new(packed, &DecodeSettings::default()).map_err(fault)?;

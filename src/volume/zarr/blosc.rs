@@ -44,7 +44,10 @@ pub(super) fn unpack(chunk: &[u8], most: u64) -> io::Result<Vec<u8>> {
     if flags & NOT_PACKED != 0 {
         return body.get(..size).map(<[u8]>::to_vec).ok_or_else(|| io::ErrorKind::UnexpectedEof.into());
     }
-    if size > 0 && (block_size == 0 || block_size > size) {
+    if size == 0 {
+        return Ok(Vec::new());
+    }
+    if block_size == 0 || block_size > size {
         return Err(invalid(&format!("blosc: blocks of {block_size} bytes in a chunk of {size}")));
     }
     let packing = match flags >> 5 {
@@ -58,7 +61,7 @@ pub(super) fn unpack(chunk: &[u8], most: u64) -> io::Result<Vec<u8>> {
     let number_bytes = usize::from(number_bytes).max(1);
     let mut out = vec![0; size];
     let mut shuffled = vec![0; block_size];
-    for (index, block) in out.chunks_mut(block_size.max(1)).enumerate() {
+    for (index, block) in out.chunks_mut(block_size).enumerate() {
         let start = number(body, index * 4).unwrap_or(usize::MAX);
         let packed = chunk.get(start..).ok_or(io::ErrorKind::UnexpectedEof)?;
         let is_split = flags & NOT_SPLIT == 0

@@ -1,9 +1,9 @@
 //! JPEG 2000 in DICOM whose headers lie: [`super::dicom`] has what is read, against pydicom.
 
-use spao_server::volume::{Volume, VolumeError};
+use spao_server::volume::{Format, Limits, Volume, VolumeError, format};
 
 use super::assert_names;
-use super::dicom::{read_dicom, unzipped};
+use super::dicom::unzipped;
 
 /// Bytes after the marker of the sizes: those of the picture, of its tiles, the number of components, and the first
 /// one's bits.
@@ -17,7 +17,8 @@ fn changed(change: impl FnOnce(&mut Vec<u8>, usize)) -> Result<Volume, VolumeErr
     let (_, mut file) = unzipped("jpeg2000.zip").pop().expect("pictures");
     let at = position(&file, &[0xFF, 0x4F, 0xFF, 0x51]) + 2;
     change(&mut file, at);
-    read_dicom(&file, None)
+    let limits = Limits { max_axis: 1 << 16, ..Limits::default() };
+    format::read_bytes(&file, Format::Dicom, None, &limits)
 }
 
 fn position(bytes: &[u8], part: &[u8]) -> usize {
@@ -36,6 +37,16 @@ fn a_codestream_that_claims_too_much_is_refused_before_it_is_decoded() {
     assert_names(with(COMPONENTS, &[0, 3]), "PixelData", "the JPEG 2000 is in colour; expected grey values");
     assert_names(with(BITS, &[30]), "PixelData", "31 bits in voxels of 16; expected at most 16");
     assert_names(with(BITS + 1, &[2]), "PixelData", "expected 5 x 4");
+    let large = changed(|file, at| {
+        for tag in [0x10, 0x11] {
+            let value = position(file, &[0x28, 0, tag, 0, b'U', b'S', 2, 0]) + 8;
+            file[value..value + 2].copy_from_slice(&5000_u16.to_le_bytes());
+        }
+        for offset in [WIDTH, WIDTH + 4, TILE_WIDTH, TILE_WIDTH + 4] {
+            file[at + offset..at + offset + 4].copy_from_slice(&5000_u32.to_be_bytes());
+        }
+    });
+    assert_names(large, "PixelData", "bytes are too few for 25000000 voxels");
 }
 
 #[test]

@@ -162,6 +162,9 @@ fn chunks_are_missing_truncated_or_damaged() {
     };
     assert_eq!(read_array(&array, &blosc(2, 8)).expect("not packed").voxels.little_endian_bytes(), VOXELS);
     assert_names(read_array(&array, &blosc(2, u32::MAX)), "chunk", "unpacks to more than it should");
+    // No bytes in blocks of 2 GiB, which nothing is taken for.
+    let none = [&blosc(0, 0)[..8], &(1_u32 << 31).to_le_bytes(), &blosc(0, 0)[12..]].concat();
+    assert_names(read_array(&array, &none), "chunk", "0 bytes of numbers; expected 8");
     assert_names(read_array(&array, &blosc(2 << 5, 8)), "chunk", "snappy is not read");
 }
 
