@@ -30,6 +30,8 @@ pub(super) struct Published {
     pub(super) memory: Mutex<MemoryUse>,
     /// Volumes on the GPU and their bytes.
     pub(super) residents: Mutex<Vec<(VolumeId, u64)>>,
+    /// Volumes on their way back there, and the share that is there.
+    pub(super) arriving: Mutex<Vec<(VolumeId, f64)>>,
 }
 
 /// Asks the render thread for work. Cheap to clone.
@@ -68,6 +70,7 @@ impl RenderHandle {
                     alive: AtomicBool::new(true),
                     memory: Mutex::new(renderer.memory()),
                     residents: Mutex::default(),
+                    arriving: Mutex::default(),
                 });
                 let _alive = AliveGuard(published.clone());
                 if ready_tx.send(Ok(published.clone())).is_ok() {
@@ -98,6 +101,12 @@ impl RenderHandle {
     pub fn gpu_bytes(&self, id: &VolumeId) -> Option<u64> {
         let residents = self.published.residents.lock().unwrap_or_else(PoisonError::into_inner);
         residents.iter().find(|r| &r.0 == id).map(|r| r.1)
+    }
+
+    /// Share of a volume that is on the GPU again while a job brings it back, in [0, 1].
+    pub fn arriving(&self, id: &VolumeId) -> Option<f64> {
+        let arriving = self.published.arriving.lock().unwrap_or_else(PoisonError::into_inner);
+        arriving.iter().find(|a| &a.0 == id).map(|a| a.1)
     }
 
     /// Makes a volume resident under `id`, replacing nothing on failure.

@@ -63,6 +63,7 @@ pub(super) fn run(mut renderer: Renderer, mut jobs: mpsc::Receiver<Job>, publish
         // Before the answer: whoever has it reads what is in use now.
         *published.memory.lock().unwrap_or_else(PoisonError::into_inner) = renderer.memory();
         *published.residents.lock().unwrap_or_else(PoisonError::into_inner) = renderer.residents();
+        *published.arriving.lock().unwrap_or_else(PoisonError::into_inner) = renderer.arriving();
         match outcome {
             Some((group, Outcome::Unfinished(job))) => turns.push(group, *job),
             Some((_, Outcome::Answered(answer))) => answer(),

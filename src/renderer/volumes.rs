@@ -1,7 +1,8 @@
 //! The volumes that the renderer knows: on the GPU, or in host memory and ready to go there again.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 use std::sync::Arc;
 
 use super::request::{RenderError, Residency};
@@ -14,6 +15,8 @@ use crate::volume::{Volume, VolumeId};
 struct Known {
     volume: Arc<Volume>,
     on_gpu: Option<Rc<ResidentVolume>>,
+    /// How far it is on its way back there, while a job brings it.
+    arriving: Weak<Cell<f64>>,
     /// When a job last asked for it.
     last_used: u64,
 }
@@ -36,7 +39,8 @@ impl Volumes {
     pub(super) fn insert(&mut self, id: VolumeId, resident: ResidentVolume) {
         self.clock += 1;
         let volume = resident.volume.clone();
-        self.known.insert(id, Known { volume, on_gpu: Some(Rc::new(resident)), last_used: self.clock });
+        let known = Known { volume, on_gpu: Some(Rc::new(resident)), arriving: Weak::new(), last_used: self.clock };
+        self.known.insert(id, known);
     }
 
     pub(super) fn remove(&mut self, id: &VolumeId) {
@@ -70,6 +74,12 @@ impl Volumes {
     pub(super) fn residents(&self) -> Vec<(VolumeId, u64)> {
         let on_gpu = |(id, known): (&VolumeId, &Known)| Some((id.clone(), known.on_gpu.as_ref()?.bytes()));
         self.known.iter().filter_map(on_gpu).collect()
+    }
+
+    /// Volumes that jobs bring back to the GPU, and the share that is there.
+    pub(super) fn arriving(&self) -> Vec<(VolumeId, f64)> {
+        let arriving = |(id, known): (&VolumeId, &Known)| Some((id.clone(), known.arriving.upgrade()?.get()));
+        self.known.iter().filter_map(arriving).collect()
     }
 
     /// Bytes of the volumes that no job uses now.
@@ -124,11 +134,13 @@ pub(super) struct Needed {
     id: VolumeId,
     resident: Option<Rc<ResidentVolume>>,
     upload: Option<Upload>,
+    /// Share of the upload that is done, while there is one.
+    fraction: Option<Rc<Cell<f64>>>,
 }
 
 impl Needed {
     pub(super) fn new(id: VolumeId) -> Self {
-        Self { id, resident: None, upload: None }
+        Self { id, resident: None, upload: None, fraction: None }
     }
 
     pub(super) fn advance(&mut self, renderer: &mut Renderer) -> Result<Turn<Rc<ResidentVolume>>, RenderError> {
@@ -137,13 +149,21 @@ impl Needed {
         }
         // Another job may have brought it meanwhile.
         if let Some(resident) = renderer.volumes.on_gpu(&self.id)? {
-            self.upload = None;
+            (self.upload, self.fraction) = (None, None);
             return Ok(Turn::Done(self.resident.insert(resident).clone()));
         }
         let volume = renderer.volumes.host_copy(&self.id)?;
         match advance(renderer, &volume, &mut self.upload)? {
-            Turn::Pending(fraction) => Ok(Turn::Pending(fraction)),
+            Turn::Pending(fraction) => {
+                let told = self.fraction.get_or_insert_default();
+                told.set(fraction);
+                if let Some(known) = renderer.volumes.known.get_mut(&self.id) {
+                    known.arriving = Rc::downgrade(told);
+                }
+                Ok(Turn::Pending(fraction))
+            }
             Turn::Done(resident) => {
+                self.fraction = None;
                 let resident = Rc::new(resident);
                 if let Some(known) = renderer.volumes.known.get_mut(&self.id) {
                     known.on_gpu = Some(resident.clone());

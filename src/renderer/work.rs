@@ -208,6 +208,11 @@ impl Renderer {
         self.volumes.residents()
     }
 
+    /// Volumes on their way back to the GPU, and the share that is there.
+    pub fn arriving(&self) -> Vec<(VolumeId, f64)> {
+        self.volumes.arriving()
+    }
+
     /// A volume that is on the GPU.
     fn resident(&self, id: &VolumeId) -> Result<Rc<ResidentVolume>, RenderError> {
         self.volumes.peek(id).ok_or_else(|| RenderError::UnknownVolume(id.clone()))

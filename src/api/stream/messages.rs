@@ -180,6 +180,18 @@ pub(super) fn goodbye(reason: &str) -> Value {
     json!({ "type": "goodbye", "reason": reason })
 }
 
-pub(super) fn progress(fraction: f64) -> Value {
-    json!({ "type": "progress", "what": "ambient_occlusion", "fraction": (fraction * 1e3).round() / 1e3 })
+/// What the pictures of a stream wait for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Awaited {
+    AmbientOcclusion,
+    /// It had made room for another and comes back to the GPU.
+    Volume,
+}
+
+pub(super) fn progress(what: Awaited, fraction: f64) -> Value {
+    let what = match what {
+        Awaited::AmbientOcclusion => "ambient_occlusion",
+        Awaited::Volume => "volume",
+    };
+    json!({ "type": "progress", "what": what, "fraction": (fraction * 1e3).round() / 1e3 })
 }

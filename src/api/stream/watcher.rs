@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until};
 
-use super::messages::{self, Ack, FrameHeader, Hello, Incoming, PROTOCOL, Update, Visibility};
+use super::messages::{self, Ack, Awaited, FrameHeader, Hello, Incoming, PROTOCOL, Update, Visibility};
 use super::outbox::Outbox;
 use super::pictures::{Order, Picture, Preparation, Task, draw};
 use super::quality::Quality;
@@ -60,6 +60,9 @@ pub(super) struct Watcher {
     refining: bool,
     retry_at: Option<Instant>,
     progress_at: Instant,
+    /// When to look whether the picture waits for its volume, and whether that was told.
+    volume_at: Instant,
+    volume_told: bool,
     /// A picture, and whether it is a moving one.
     drawing: Option<(bool, Task<Result<Picture, ApiError>>)>,
     preparation: Option<Preparation>,
@@ -75,6 +78,8 @@ pub(super) enum Work {
     Picture(Result<Picture, ApiError>),
     Prepared(Result<AoReport, ApiError>),
     Progress,
+    /// A picture is not there yet.
+    Drawing,
     /// It is time for something.
     Due,
 }
@@ -129,6 +134,8 @@ impl Watcher {
             refining: false,
             retry_at: None,
             progress_at: now,
+            volume_at: now,
+            volume_told: false,
             drawing: None,
             preparation: None,
             prepared: None,
@@ -236,6 +243,7 @@ impl Watcher {
     /// Waits for work in progress, or until some is due. May be dropped and called again.
     pub(super) async fn work(&mut self) -> Work {
         let due = self.due();
+        let look = self.drawing.is_some().then_some(self.volume_at + PROGRESS);
         let (prepared, progress) = match &mut self.preparation {
             Some(p) => (Some(&mut p.task), Some(&mut p.progress)),
             None => (None, None),
@@ -245,6 +253,7 @@ impl Watcher {
             result = optional(prepared.map(Task::result)) => Work::Prepared(result.and_then(|r| r)),
             Ok(()) = optional(progress.map(watch::Receiver::changed)) => Work::Progress,
             () = optional(due.map(sleep_until)) => Work::Due,
+            () = optional(look.map(sleep_until)) => Work::Drawing,
         }
     }
 
@@ -261,7 +270,7 @@ impl Watcher {
                     Ok(report) => {
                         let is_news = report.update != AoUpdate::Cached && report.version > self.told_version;
                         self.prepared = Some(report).filter(|_| is_news);
-                        out.say(&messages::progress(1.0));
+                        out.say(&messages::progress(Awaited::AmbientOcclusion, 1.0));
                     }
                     Err(error) if error.code == ErrorCode::Busy => {
                         self.refining = true;
@@ -272,6 +281,7 @@ impl Watcher {
                 }
             }
             Work::Progress => self.tell_progress(out),
+            Work::Drawing => self.tell_volume(out),
             Work::Due => {}
         }
     }
@@ -375,6 +385,9 @@ impl Watcher {
 
     fn show(&mut self, picture: Picture, out: &Outbox) {
         self.drawing = None;
+        if std::mem::take(&mut self.volume_told) {
+            out.say(&messages::progress(Awaited::Volume, 1.0));
+        }
         let Picture { order, bytes, mut ao, timings, encode } = picture;
         // The picture has found in the cache what was computed for it beforehand.
         let prepared = self.prepared.take_if(|report| report.version == ao.version);
@@ -428,8 +441,18 @@ impl Watcher {
             && self.progress_at.elapsed() >= PROGRESS
         {
             self.progress_at = Instant::now();
-            out.say(&messages::progress(*preparation.progress.borrow()));
+            out.say(&messages::progress(Awaited::AmbientOcclusion, *preparation.progress.borrow()));
         }
+    }
+
+    /// A volume that had made room for another takes seconds to come back.
+    fn tell_volume(&mut self, out: &Outbox) {
+        self.volume_at = Instant::now();
+        let fraction = self.state.renderer.arriving(&self.told.scene.volume);
+        if let Some(fraction) = fraction.or_else(|| self.volume_told.then_some(1.0)) {
+            out.say(&messages::progress(Awaited::Volume, fraction));
+        }
+        self.volume_told = fraction.is_some();
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 use spao_server::gpu::GpuOptions;
-use spao_server::renderer::{AoPolicy, Coverage, FrameRequest, MemoryUse, RenderError, Renderer};
+use spao_server::renderer::{AoPolicy, Coverage, FrameJob, FrameRequest, MemoryUse, RenderError, Renderer, Turn};
 use spao_server::scene::Scene;
 use spao_server::volume::VolumeId;
 
@@ -179,6 +179,36 @@ fn ten_volumes_that_do_not_fit_together_are_all_usable_one_after_another() {
         }
     }
     assert!(ample.memory().used_bytes > tight.memory().budget_bytes, "all of it fits: the test shows nothing");
+}
+
+#[test]
+fn a_volume_that_comes_back_tells_how_far_it_is_until_it_is_there_or_nobody_waits() {
+    let volumes = [1_u16, 2].map(|n| Arc::new(volume_of([128, 128, 160], move |[i, ..]| i as u16 * n)));
+    let ids = [1, 2].map(|n| VolumeId(format!("v_{n}")));
+    let bytes = 6 * volumes[0].grid.voxel_count();
+    let mut renderer = open(bytes + bytes / 2);
+    let off = json!({"ambient_occlusion": {"method": "off"}});
+    let scenes = [0, 1].map(|n| scene_of(&ids[n], &volumes[n], &off));
+    for n in [0, 1] {
+        renderer.add_volume(ids[n].clone(), volumes[n].clone()).expect("the other makes room");
+    }
+    let mut told = Vec::new();
+    let mut job = FrameJob::new(request(&scenes[0], 16, 16));
+    while let Turn::Pending(_) = job.advance(&mut renderer).expect("the other makes room") {
+        told.extend(renderer.arriving());
+    }
+    assert!(told.len() > 3 && told.iter().all(|(id, _)| *id == ids[0]), "{told:?}");
+    assert!(told.is_sorted_by(|a, b| a.1 < b.1) && told[told.len() - 1].1 < 1.0, "{told:?}");
+    assert_eq!(renderer.arriving(), []);
+    drop(job);
+
+    let mut left = FrameJob::new(request(&scenes[1], 16, 16));
+    for _ in 0..2 {
+        assert!(matches!(left.advance(&mut renderer), Ok(Turn::Pending(_))));
+    }
+    assert_eq!(renderer.arriving().len(), 1);
+    drop(left);
+    assert_eq!(renderer.arriving(), []);
 }
 
 #[test]

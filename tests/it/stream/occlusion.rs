@@ -82,3 +82,29 @@ async fn a_change_of_opacity_is_seen_at_once_and_refined() {
     assert!(texts.iter().all(|text| text["what"] == "ambient_occlusion"), "{texts:?}");
     server.stop_clean();
 }
+
+#[tokio::test]
+async fn a_volume_that_had_made_room_comes_back_with_progress() {
+    let server = Process::start(&["--gpu-memory", "140M"]);
+    let volume = |kind: &str| {
+        let source = json!({ "source": { "procedural": { "kind": kind, "dims": [256, 256, 256] } } });
+        server.post("/v1/volumes?reduce=never", &source)["id"].clone()
+    };
+    let first = volume("gyroid");
+    let scene = server.post("/v1/scenes", &json!({ "volume": first, "ambient_occlusion": { "method": "off" } }));
+    volume("boxes");
+    let path = format!("/v1/volumes/{}", first.as_str().expect("an id"));
+    assert_eq!(server.get_json(&path)["state"], "evicted");
+    let mut client = Client::connect(&server, scene["id"].as_str().expect("an id"), &hello()).await;
+    let (frames, texts) = client.settle().await;
+    assert!(frames.last().is_some_and(Frame::is_final));
+    assert_eq!(server.get_json(&path)["state"], "resident");
+    assert!(texts.iter().all(|text| text["type"] == "progress" && text["what"] == "volume"), "{texts:?}");
+    let told: Vec<f64> = texts.iter().filter_map(|text| text["fraction"].as_f64()).collect();
+    // A card may be faster than the first look.
+    if server.get_json("/v1/server")["software"] == true {
+        assert!(told.len() > 1, "{told:?}");
+    }
+    assert!(told.is_sorted() && told.last().is_none_or(|&last| last == 1.0), "{told:?}");
+    server.stop_clean();
+}
