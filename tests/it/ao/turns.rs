@@ -105,7 +105,8 @@ async fn jobs_that_want_the_same_result_share_one_build_and_the_last_to_leave_en
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_update_goes_on_from_where_the_one_under_way_ends_and_builds_nothing_anew_beside_it() {
     let renderer = spawn();
-    let subject = tokio::task::block_in_place(|| Subject::on(renderer.clone(), boxes()));
+    // An update takes several turns.
+    let subject = tokio::task::block_in_place(|| slow_subject(&renderer));
     let scene = |opacity: f64| {
         let functions = opacities(&[(20.0, 0.0), (200.0, opacity)]);
         FrameRequest {
@@ -126,7 +127,7 @@ async fn an_update_goes_on_from_where_the_one_under_way_ends_and_builds_nothing_
     }
     assert_eq!(renderer.memory().ao_scratch_bytes, levels, "there is one set of levels");
     let fresh = spawn();
-    let other = tokio::task::block_in_place(|| Subject::on(fresh.clone(), boxes()));
+    let other = tokio::task::block_in_place(|| slow_subject(&fresh));
     let request = FrameRequest {
         scene: Arc::new(other.scene(&opacities(&[(20.0, 0.0), (200.0, 0.4)]), n_buffer(6, 1.0))),
         ..scene(0.4)

@@ -144,6 +144,25 @@ fn a_change_too_small_for_coarse_levels_goes_no_farther_than_the_fine_ones() {
     assert!(small.recomputed <= bricks_near(reach(4)), "{small:?}");
 }
 
+/// Samples at an edge look along its normal, at the widest level 8 voxels away: with it they see half a voxel of a sheet
+/// that they would not meet without.
+#[test]
+fn what_only_normals_lead_to_is_computed_again() {
+    const SHEET: f64 = 100.0;
+    let bench = Bench::new(bytes_of([16, 16, 64], DVec3::ONE, |at| match at {
+        [_, _, 0..20] => 1.0,
+        [_, _, 36] => SHEET / 255.0,
+        _ => 0.0,
+    }));
+    let state = |sheet: f64| State {
+        transfer: opacities(&[(SHEET - 5.0, 0.0), (SHEET, sheet), (SHEET + 5.0, 0.0), (250.0, 0.0), (255.0, 0.5)]),
+        settings: n_buffer(4, 2.0),
+        coverage: Coverage::Everywhere,
+    };
+    let done = work(&bench, &state(0.2), &state(0.9));
+    assert!(done.incremental && done.recomputed < 4 * 8, "{done:?}");
+}
+
 #[test]
 fn what_is_dropped_before_it_began_costs_no_more_than_the_edits_on_the_way() {
     let bench = wall_and_blob();
