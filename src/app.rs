@@ -26,6 +26,8 @@ const PULSE: Duration = Duration::from_millis(500);
 /// # Errors
 /// The address cannot be bound, no adapter can be had, a volume cannot be loaded, or the renderer ends.
 pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+    // Before anybody can know that there is a server.
+    let stopped_by = stop_signal()?;
     let listener = TcpListener::bind(config.addr).await.with_context(|| format!("cannot listen on {}", config.addr))?;
     let address = listener.local_addr()?;
     let options = config.gpu.options();
@@ -58,8 +60,8 @@ pub async fn serve(config: ServeArgs, out: &mut dyn Write) -> anyhow::Result<()>
     };
     let outcome = tokio::select! {
         outcome = work => outcome,
-        signal = stop_signal() => {
-            tracing::info!(signal = signal?, "draining");
+        signal = stopped_by => {
+            tracing::info!(signal, "draining");
             Ok(())
         }
     };
@@ -124,23 +126,30 @@ async fn watch_renderer(state: &AppState) -> anyhow::Result<()> {
     Err(anyhow!("the renderer is gone"))
 }
 
-/// Waits for SIGTERM or SIGINT.
-async fn stop_signal() -> anyhow::Result<&'static str> {
+/// Begins to listen for SIGTERM and SIGINT; what is returned waits for one of them.
+fn stop_signal() -> anyhow::Result<impl Future<Output = &'static str>> {
     #[cfg(unix)]
     {
         use tokio::signal::unix::{SignalKind, signal};
         let (mut terminate, mut interrupt) = (signal(SignalKind::terminate())?, signal(SignalKind::interrupt())?);
-        tokio::select! {
-            _ = terminate.recv() => Ok("SIGTERM"),
-            _ = interrupt.recv() => Ok("SIGINT"),
-        }
+        Ok(async move {
+            tokio::select! {
+                _ = terminate.recv() => "SIGTERM",
+                _ = interrupt.recv() => "SIGINT",
+            }
+        })
     }
     #[cfg(not(unix))]
     {
-        tokio::signal::ctrl_c().await?;
-        Ok("ctrl-c")
+        Ok(async {
+            let _ = tokio::signal::ctrl_c().await;
+            "ctrl-c"
+        })
     }
 }
+
+/// Kept of the drain's deadline, to answer with what has come to an end.
+const ANSWERS: Duration = Duration::from_secs(1);
 
 /// Takes no new work, finishes what is in flight and ends the render thread, all within the deadline.
 async fn drain(
@@ -156,7 +165,8 @@ async fn drain(
     // Nobody will ask for what nobody waits for.
     state.volumes.cancel_loads(Some(Waiting::Nobody));
     // The listener stays open until then, so that probes see why nothing is served.
-    let idle = state.lifecycle.idle(left()).await;
+    // The rest of the time is for the answers to those whose loads are called off.
+    let idle = state.lifecycle.idle(left().saturating_sub(ANSWERS.min(timeout / 4))).await;
     state.volumes.cancel_loads(None);
     let _ = stop.send(());
     let abort = server.abort_handle();

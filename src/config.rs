@@ -145,7 +145,7 @@ impl Limits {
     pub const MAX_JSON_BYTES: usize = 1 << 20;
     /// Volumes loaded at the same time: each may hold `max_upload_bytes` and its decoded voxels.
     pub const CONCURRENT_LOADS: usize = 2;
-    /// Uploads that wait for one of [`Self::CONCURRENT_LOADS`]; their bodies are not read meanwhile.
+    /// Loads that wait for one of [`Self::CONCURRENT_LOADS`]; a few of their files may come meanwhile.
     pub const WAITING_LOADS: usize = 16;
     /// Pictures and accessibility volumes in progress, waiting ones included: each may hold a whole picture.
     pub const CONCURRENT_RENDERS: usize = 32;

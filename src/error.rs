@@ -12,6 +12,9 @@ use crate::renderer::RenderError;
 use crate::scene::{SceneError, SceneErrorKind};
 use crate::volume::VolumeError;
 
+/// Most characters of a client's own text in an answer to it.
+const MOST_REPEATED: usize = 64;
+
 /// What went wrong, as clients tell it apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorCode {
@@ -193,8 +196,9 @@ impl ApiError {
 
     /// No such volume.
     pub fn volume_not_found(id: &impl fmt::Display) -> Self {
-        Self::new(ErrorCode::VolumeNotFound, format!("there is no volume `{id}`"))
-            .with_details(json!({ "volume": id.to_string() }))
+        // Whatever a client has sent.
+        let id: String = id.to_string().chars().filter(|c| !c.is_control()).take(MOST_REPEATED).collect();
+        Self::new(ErrorCode::VolumeNotFound, format!("there is no volume `{id}`")).with_details(json!({ "volume": id }))
     }
 
     /// The volume was deleted while it was loaded.

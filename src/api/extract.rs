@@ -88,6 +88,9 @@ fn content_length(headers: &HeaderMap) -> Option<u64> {
 
 /// Types a JSON value; unknown fields and wrong types are errors that name their path.
 pub(super) fn typed<T: DeserializeOwned>(value: Value) -> Result<T, ApiError> {
+    if !value.is_object() {
+        return Err(ApiError::invalid("$", "expected an object"));
+    }
     serde_path_to_error::deserialize(value).map_err(|error| {
         let path = error.path().to_string();
         let path = if path == "." { "$" } else { &path };

@@ -1,7 +1,9 @@
 //! Loading: from what was asked for to a volume on the GPU, waited for or not.
 
-use std::sync::Arc;
+use std::io::ErrorKind;
+use std::sync::{Arc, LazyLock};
 
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::{Value, json};
 use tracing::Instrument;
 
@@ -51,12 +53,18 @@ impl Wanted {
     ///
     /// # Errors
     /// Those of the other server; `unknown_format`.
-    pub(super) async fn fetch(self, state: &AppState, told: Told<'_>) -> Result<LoadRequest, ApiError> {
+    pub(super) async fn fetch(
+        self,
+        state: &AppState,
+        permit: &mut LoadPermit,
+        told: Told<'_>,
+    ) -> Result<LoadRequest, ApiError> {
         let extent = self.extent;
         let (url, choice) = match self.origin {
             Origin::Here(source) => return Ok(LoadRequest { source, extent }),
             Origin::Elsewhere { url, choice } => (url, choice),
         };
+        permit.wait_for_transfer().await?;
         let file = state.sources.fetch(&url, state.limits.max_upload_bytes, told).await?;
         let format = Format::of_fetched(url.file_name(), file.content_type.as_deref(), &file.bytes)?;
         let source = VolumeSource::Fetched { url: url.shown(), bytes: file.bytes, format, choice };
@@ -105,23 +113,31 @@ async fn prepare(
     wanted: Wanted,
     mut permit: LoadPermit,
 ) -> Result<(NewVolume, LoadPermit), ApiError> {
-    permit.wait_for_turn().await?;
     let loading = place.loading().clone();
     let watch = loading.watch().clone();
     let told = move |come: u64, all: Option<u64>| {
         let fraction = all.map_or(0.0, |all| come as f64 / all.max(1) as f64);
         watch.report(LoadStage::Fetching, fraction);
     };
-    let request = wanted.fetch(state, &told).await?;
+    let request = wanted.fetch(state, &mut permit, &told).await?;
+    permit.wait_for_turn().await?;
     let (limits, room, blame) = (state.volume_limits(), state.room(), Blame::of(&request.source));
     // The permit goes with the work, which goes on for a moment after whoever waits for it has left.
     let (prepared, permit) = blocking(move || (request.prepare_for(&loading, &limits, &room), permit)).await?;
     Ok((prepared.map_err(|error| blame.error(error))?, permit))
 }
 
-/// Work that an async worker must not do.
+/// Threads of loads alone: slices, which take milliseconds, must not stand in line behind what takes seconds.
+static LOAD_THREADS: LazyLock<Option<ThreadPool>> =
+    LazyLock::new(|| ThreadPoolBuilder::new().thread_name(|n| format!("load {n}")).build().ok());
+
+/// The work of a load, which an async worker must not do.
 pub(super) async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, ApiError> {
-    tokio::task::spawn_blocking(work).await.map_err(ApiError::internal)
+    let in_pool = || match &*LOAD_THREADS {
+        Some(pool) => pool.install(work),
+        None => work(),
+    };
+    tokio::task::spawn_blocking(in_pool).await.map_err(ApiError::internal)
 }
 
 /// What of a request its volume errors are about.
@@ -168,6 +184,15 @@ impl Blame {
             // Only the kind: the system's message may say more than the client should know.
             (Self::Path, VolumeError::Io { field, source }) if field == "path" => {
                 ApiError::invalid("source.path", source.kind())
+            }
+            // A file that a header names.
+            (Self::Path, VolumeError::Io { field, source })
+                if matches!(
+                    source.kind(),
+                    ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::IsADirectory
+                ) =>
+            {
+                ApiError::invalid("source.path", format!("{field}: {}", source.kind()))
             }
             (_, other) => other.into(),
         }

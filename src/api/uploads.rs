@@ -82,7 +82,7 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
         from_json(&state, query, read_json(request).await?)?
     } else {
         // Bodies that wait cost nothing.
-        permit.wait_for_turn().await?;
+        permit.wait_for_transfer().await?;
         from_body(&state, query, request).await?
     };
     if dry_run {
@@ -103,9 +103,9 @@ async fn create_within(state: AppState, query: UploadQuery, request: Request) ->
 
 /// The answer to a dry run: what the volume would need.
 async fn plan(state: &AppState, wanted: Wanted, mut permit: LoadPermit) -> Result<Response, ApiError> {
-    permit.wait_for_turn().await?;
     let (limits, room) = (state.volume_limits(), state.room());
-    let request = wanted.fetch(state, &|_, _| ()).await?;
+    let request = wanted.fetch(state, &mut permit, &|_, _| ()).await?;
+    permit.wait_for_turn().await?;
     let blame = Blame::of(&request.source);
     let (plan, _permit) = blocking(move || (request.plan(&limits, &room), permit)).await?;
     let Plan { dims, voxel_type, resolution } = plan.map_err(|error| blame.error(error))?;
@@ -174,6 +174,9 @@ fn from_json(state: &AppState, query: UploadQuery, body: Value) -> Result<Wanted
     }
     if query.extent.region.is_some() {
         return Err(ApiError::invalid("region", "goes into `source` in JSON"));
+    }
+    if body.get("source").is_some_and(|source| !source.is_object()) {
+        return Err(ApiError::invalid("source", "expected an object"));
     }
     let JsonRequest { name, source, reduce } = typed(body)?;
     let name = name.map(|name| checked_name("name", name)).transpose()?.or(query.name);

@@ -6,10 +6,15 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::error::ApiError;
 
+/// Files that may come at once, from clients and from elsewhere: each may be as long as an upload may be, and a slow line
+/// must not keep those waiting who need none.
+const TRANSFERS: usize = 4;
+
 /// Lets a few volumes be loaded at once, and a few more wait.
 #[derive(Debug)]
 pub struct Admission {
     waiting: Arc<Semaphore>,
+    transfers: Arc<Semaphore>,
     loading: Arc<Semaphore>,
 }
 
@@ -17,6 +22,8 @@ pub struct Admission {
 #[derive(Debug)]
 pub struct LoadPermit {
     _waiting: OwnedSemaphorePermit,
+    transfers: Arc<Semaphore>,
+    transfer: Option<OwnedSemaphorePermit>,
     turns: Arc<Semaphore>,
     turn: Option<OwnedSemaphorePermit>,
 }
@@ -24,7 +31,8 @@ pub struct LoadPermit {
 impl Admission {
     /// `loading` at once, `waiting` more in line.
     pub fn new(loading: usize, waiting: usize) -> Self {
-        Self { waiting: Arc::new(Semaphore::new(loading + waiting)), loading: Arc::new(Semaphore::new(loading)) }
+        let places = |count| Arc::new(Semaphore::new(count));
+        Self { waiting: places(loading + waiting), transfers: places(TRANSFERS), loading: places(loading) }
     }
 
     /// Stands in line.
@@ -33,11 +41,23 @@ impl Admission {
     /// `busy` when the line is full.
     pub fn stand_in_line(&self) -> Result<LoadPermit, ApiError> {
         let waiting = self.waiting.clone().try_acquire_owned().map_err(|_| ApiError::busy())?;
-        Ok(LoadPermit { _waiting: waiting, turns: self.loading.clone(), turn: None })
+        let (transfers, turns) = (self.transfers.clone(), self.loading.clone());
+        Ok(LoadPermit { _waiting: waiting, transfers, transfer: None, turns, turn: None })
     }
 }
 
 impl LoadPermit {
+    /// Waits until its file may come, which is in memory from then on.
+    ///
+    /// # Errors
+    /// `internal`, if the server is at its end.
+    pub async fn wait_for_transfer(&mut self) -> Result<(), ApiError> {
+        if self.transfer.is_none() {
+            self.transfer = Some(self.transfers.clone().acquire_owned().await.map_err(ApiError::internal)?);
+        }
+        Ok(())
+    }
+
     /// Waits for its turn, unless it has come.
     ///
     /// # Errors

@@ -38,7 +38,8 @@ impl Volume {
 
     /// Other voxels of the same thing.
     fn with(&self, grid: Grid, voxels: Voxels, resolution: Resolution) -> Result<Self, VolumeError> {
-        let volume = Self::new(grid, voxels)?.with_about(self.about.clone());
+        let mut volume = Self::new(grid, voxels)?.with_about(self.about.clone());
+        volume.note_nan();
         Ok(Self { resolution, ..volume })
     }
 }

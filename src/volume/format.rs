@@ -296,11 +296,7 @@ fn read<'a>(mut input: Input<'a>, format: Format, watch: &'a LoadWatch) -> Resul
     // Whatever the reader of a format makes of its sudden end.
     watch.check()?;
     let mut volume = read?;
-    match volume.nan_count {
-        0 => {}
-        1 => volume.about.note("1 voxel is NaN and shown as the lowest value"),
-        n => volume.about.note(format!("{n} voxels are NaN and shown as the lowest value")),
-    }
+    volume.note_nan();
     Ok(volume)
 }
 

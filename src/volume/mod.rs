@@ -129,6 +129,17 @@ impl Volume {
         self
     }
 
+    /// Says in the notes how many voxels are NaN now, whatever they were of before.
+    pub(super) fn note_nan(&mut self) {
+        const WHAT: &str = "NaN and shown as the lowest value";
+        self.about.notes.retain(|note| !note.ends_with(WHAT));
+        match self.nan_count {
+            0 => {}
+            1 => self.about.note(format!("1 voxel is {WHAT}")),
+            n => self.about.note(format!("{n} voxels are {WHAT}")),
+        }
+    }
+
     /// Bytes of host memory that the voxels fill.
     pub fn host_bytes(&self) -> u64 {
         self.voxels.bytes()

@@ -73,7 +73,8 @@ pub fn reduced_dims(dims: [u32; 3], factor: [u32; 3]) -> [u32; 3] {
 pub fn factor_that_fits(dims: [u32; 3], max_axis: u32, fits: impl Fn([u32; 3]) -> bool) -> Option<[u32; 3]> {
     let least = dims.map(|n| n.div_ceil(max_axis.max(1)).max(1));
     let most = dims.into_iter().max().unwrap_or(1).max(1);
-    (1..=most).map(|all| least.map(|n| n.max(all))).find(|&factor| fits(reduced_dims(dims, factor)))
+    let factors = |all: u32| std::array::from_fn(|axis| least[axis].max(all).min(dims[axis].max(1)));
+    (1..=most).map(factors).find(|&factor| fits(reduced_dims(dims, factor)))
 }
 
 impl Volume {

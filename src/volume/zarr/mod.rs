@@ -121,7 +121,7 @@ impl Plan {
             let path = format!("{folder}{}/", level.path);
             let Some(array) = Array::read(store, &path)? else {
                 return Err(VolumeError::malformed(
-                    "path",
+                    "datasets.path",
                     format!("no array at {}", excerpt(path.trim_end_matches('/'))),
                 ));
             };

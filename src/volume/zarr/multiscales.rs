@@ -166,13 +166,16 @@ fn units(axes: Option<&Value>) -> impl Iterator<Item = Option<&str>> {
 }
 
 fn level(dataset: &Value, whole: Option<&Value>, axes: &[Axis]) -> Result<Level, VolumeError> {
-    let path = dataset.get("path").and_then(Value::as_str).ok_or_else(|| malformed("path", "missing in a dataset"))?;
+    let path = dataset
+        .get("path")
+        .and_then(Value::as_str)
+        .ok_or_else(|| malformed("datasets.path", "missing in a dataset"))?;
     let is_plain =
         |part: &str| !matches!(part, "" | "." | "..") && !part.contains(|c: char| c.is_control() || "\\:".contains(c));
     let path = path.strip_suffix('/').unwrap_or(path);
     if !path.split('/').all(is_plain) {
         let message = format!("{} is not a relative path without `..`", excerpt(path));
-        return Err(VolumeError::malformed("path", message));
+        return Err(VolumeError::malformed("datasets.path", message));
     }
     let mut level = Level { path: path.to_owned(), scale: vec![1.0; axes.len()], translation: vec![0.0; axes.len()] };
     // The level's own come first, then those of the whole image.
@@ -195,7 +198,15 @@ impl Level {
         match transformation.get("type").and_then(Value::as_str) {
             Some("identity") => {}
             Some("scale") if transformation.get("scale").is_some() => {
-                for (axis, factor) in json::numbers("scale", transformation.get("scale"), axes)?.iter().enumerate() {
+                for (axis, factor) in
+                    json::numbers("coordinateTransformations.scale", transformation.get("scale"), axes)?
+                        .iter()
+                        .enumerate()
+                {
+                    if *factor <= 0.0 {
+                        let message = format!("a scale of {factor}; expected more than 0");
+                        return Err(VolumeError::malformed(FIELD, message));
+                    }
                     self.scale[axis] *= factor;
                     self.translation[axis] *= factor;
                 }

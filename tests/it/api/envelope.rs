@@ -67,6 +67,9 @@ async fn ids_that_do_not_exist_are_named() {
         let answer = server.get(path).await;
         assert_eq!((answer.status.as_u16(), answer.code().as_str()), (404, code), "{path}");
     }
+    let long = server.get(&format!("/v1/volumes/%00%0a{}", "v".repeat(5000))).await;
+    assert_eq!(long.code(), "volume_not_found");
+    assert_eq!(long.json()["error"]["details"]["volume"], "v".repeat(64));
 }
 
 #[tokio::test]

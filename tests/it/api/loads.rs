@@ -1,5 +1,7 @@
 //! Volumes on their way: listed, told of, called off, given up.
 
+use std::io::Write;
+use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use axum::body::Body;
@@ -351,4 +353,45 @@ fn a_client_that_hangs_up_calls_its_load_off() {
         std::thread::sleep(Duration::from_millis(5));
     }
     process.stop_clean();
+}
+
+#[tokio::test]
+async fn uploads_that_stall_keep_no_other_load_waiting() {
+    let server = Process::start(&[]);
+    let stalled: Vec<TcpStream> = (0..2)
+        .map(|_| {
+            let mut stream = TcpStream::connect(server.url("").trim_start_matches("http://")).expect("it listens");
+            let head = "POST /v1/volumes HTTP/1.1\r\nHost: here\r\nContent-Type: application/octet-stream\r\n\
+                        Content-Length: 1000000\r\n\r\nNRRD0004\n";
+            stream.write_all(head.as_bytes()).expect("it is read");
+            stream
+        })
+        .collect();
+    std::thread::sleep(Duration::from_millis(200));
+    let begin = Instant::now();
+    server.post("/v1/volumes", &quick());
+    server.post("/v1/volumes?dry_run=true", &quick());
+    assert!(begin.elapsed() < PATIENCE / 2, "{:?}", begin.elapsed());
+    drop(stalled);
+    server.stop_clean();
+}
+
+#[tokio::test]
+async fn a_file_that_a_header_names_and_that_is_not_there_is_the_requests_fault() {
+    let data = tempfile::tempdir().expect("a folder");
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: none.raw\n";
+    std::fs::write(data.path().join("head.nhdr"), header).expect("a file");
+    let server = Server::new(&["--data-dir", data.path().to_str().expect("UTF-8")]);
+    let answer = server.post("/v1/volumes", &json!({ "source": { "path": "head.nhdr" } })).await;
+    assert_eq!(answer.verdict(), (422, "invalid".into(), "source.path".into()), "{answer:?}");
+    assert!(answer.json().to_string().contains("data file"), "{answer:?}");
+}
+
+#[tokio::test]
+async fn a_list_is_no_request_for_a_volume() {
+    let server = Server::new(&[]);
+    for (body, path) in [(json!(["a", quick()["source"], null]), "$"), (json!({ "source": ["a.nrrd"] }), "source")] {
+        let answer = server.post("/v1/volumes", &body).await;
+        assert_eq!(answer.verdict(), (422, "invalid".into(), path.into()), "{answer:?}");
+    }
 }

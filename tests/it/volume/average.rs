@@ -165,6 +165,11 @@ fn nan_is_left_out_of_means_and_stays_where_there_is_nothing_else() {
     let Voxels::F32(values) = &reduced.voxels else { panic!("{:?}", reduced.voxels) };
     assert!(values[0] == 3.0 && values[1].is_nan() && values[2] == 6.5, "{values:?}");
     assert_eq!((reduced.nan_count, worst(&full, &reduced, [2, 1, 1])), (1, 0.0));
+    let notes = |volume: &Volume| volume.about.notes.iter().filter(|note| note.contains("NaN")).cloned().collect();
+    let of_reduced: Vec<String> = notes(&reduced);
+    assert_eq!(of_reduced, ["1 voxel is NaN and shown as the lowest value"]);
+    let of_part: Vec<String> = notes(&cropped(&reduced, &[[2, 0, 0], [3, 1, 1]]).expect("it is inside"));
+    assert_eq!(of_part, [""; 0]);
 }
 
 #[test]
@@ -269,6 +274,9 @@ fn as_few_voxels_are_averaged_as_there_is_room_for() {
         ([300, 100, 100], 128, 200_000, [3, 3, 3]),
         ([300, 100, 100], 128, 500_000, [3, 2, 2]),
         ([5, 5, 5], 128, 1, [5, 5, 5]),
+        // A block is never longer than the axis: that would save nothing, and move the volume.
+        ([100, 100, 3], 128, 300, [6, 6, 3]),
+        ([300, 1, 1], 128, 64, [5, 1, 1]),
     ] {
         assert_eq!(factor_that_fits(dims, max_axis, at_most(most)), Some(expected), "{dims:?} {max_axis} {most}");
     }

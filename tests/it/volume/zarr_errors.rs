@@ -204,7 +204,7 @@ fn shards_whose_index_lies_are_refused() {
 fn names_that_lead_out_are_refused() {
     for path in ["../0", "/etc", "0/../../x", "", ".", "a//b", "..\\0", "c:0", "a\0b"] {
         let image = group(path, &["z", "y", "x"], &json!([]));
-        assert_names(read_image(&image), "path", "is not a relative path without `..`");
+        assert_names(read_image(&image), "datasets.path", "is not a relative path without `..`");
     }
     let bytes = zip_of(&[("zarr.json", &sound().to_string().into_bytes()), ("../c/0/0/0", VOXELS)]);
     assert_names(read_zarr(&bytes, &Choice::default()), "archive", "leads out of the archive");
@@ -232,13 +232,14 @@ fn images_that_are_not_volumes_are_refused() {
     assert_names(read_image(&group("0", &["c", "y", "x"], &none)), "axes", "no axis z among");
     assert_names(read_image(&group("0", &["z", "y", "x", "x"], &none)), "axes", "more than one axis x");
     assert_names(read_image(&group("0", &["z", "y", "x", "v"], &none)), "axes", "4 axes are named, but the array has");
-    assert_names(read_image(&group("1", &["z", "y", "x"], &none)), "path", "no array at `1`");
+    assert_names(read_image(&group("1", &["z", "y", "x"], &none)), "datasets.path", "no array at `1`");
     for (field, bad) in [
         ("coordinateTransformations", json!([{ "type": "affine" }])),
         ("coordinateTransformations", json!([{ "type": "scale", "path": "scales" }])),
         ("coordinateTransformations", json!([{ "type": "scale", "scale": [0, 1, 1] }])),
-        ("scale", json!([{ "type": "scale", "scale": [1, 1] }])),
-        ("scale", json!([{ "type": "scale", "scale": ["1", 1, 1] }])),
+        ("coordinateTransformations", json!([{ "type": "scale", "scale": [-1, 1, 1] }])),
+        ("coordinateTransformations.scale", json!([{ "type": "scale", "scale": [1, 1] }])),
+        ("coordinateTransformations.scale", json!([{ "type": "scale", "scale": ["1", 1, 1] }])),
         ("translation", json!([{ "type": "translation", "translation": [1] }])),
         ("coordinateTransformations", json!([{ "type": "translation", "translation": [1e300, 1, 1] }])),
     ] {
