@@ -143,9 +143,9 @@ pub struct Limits {
 impl Limits {
     /// Longest JSON body. A transfer function of ten thousand points stays below.
     pub const MAX_JSON_BYTES: usize = 1 << 20;
-    /// Volumes loaded at the same time: each may hold `max_upload_bytes` and its decoded voxels.
+    /// Volumes read at the same time: each may hold the file, of `max_upload_bytes`, and its decoded voxels.
     pub const CONCURRENT_LOADS: usize = 2;
-    /// Loads that wait for one of [`Self::CONCURRENT_LOADS`]; a few of their files may come meanwhile.
+    /// Loads that wait for one of [`Self::CONCURRENT_LOADS`]; four files at most, with theirs, may come meanwhile.
     pub const WAITING_LOADS: usize = 16;
     /// Pictures and accessibility volumes in progress, waiting ones included: each may hold a whole picture.
     pub const CONCURRENT_RENDERS: usize = 32;

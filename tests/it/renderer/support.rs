@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 use spao_server::gpu::GpuOptions;
 use spao_server::reference::{Exposure, RaycastInput, Raycaster, ValueField};
 use spao_server::renderer::{AoPolicy, FrameRequest, RenderError, Renderer};
-use spao_server::scene::{HistogramView, Scene, SceneDocument, VolumeFacts};
+use spao_server::scene::{Scene, SceneDocument};
+use spao_server::session::volume_facts;
 use spao_server::volume::{Grid, Limits, ProceduralKind, ProceduralSpec, Volume, VolumeId, Voxels, format};
 
 /// Pixels along both sides of most pictures.
@@ -108,14 +109,7 @@ pub(super) fn scene_of(id: &VolumeId, volume: &Volume, document: &Value) -> Scen
     let mut json = json!({"volume": id.0});
     json_patch::merge(&mut json, document);
     let histogram = volume.histogram(256).expect("256 bins are allowed");
-    let facts = VolumeFacts {
-        id,
-        grid: &volume.grid,
-        value_range: volume.code_map.value_range(),
-        code_map: &volume.code_map,
-        histogram: HistogramView { counts: &histogram.counts, range: histogram.range },
-        integer: volume.voxels.voxel_type().is_integer(),
-    };
+    let facts = volume_facts(id, volume, &histogram);
     SceneDocument::from_json(&json).expect("a valid document").complete(&facts).expect("a valid scene")
 }
 

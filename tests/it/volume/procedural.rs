@@ -6,7 +6,8 @@ use spao_server::volume::{Limits, ProceduralKind, ProceduralSpec, Volume, VoxelT
 
 use super::assert_names;
 
-const KINDS: [ProceduralKind; 8] = [
+/// All of them.
+pub(super) const KINDS: [ProceduralKind; 8] = [
     ProceduralKind::Gyroid,
     ProceduralKind::MarschnerLobb,
     ProceduralKind::Menger,

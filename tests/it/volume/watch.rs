@@ -8,6 +8,7 @@ use spao_server::volume::{
 };
 
 use super::makers::{MAKERS, Made};
+use super::procedural::KINDS;
 use crate::support::renderer;
 
 fn called_off() -> LoadWatch {
@@ -19,17 +20,6 @@ fn called_off() -> LoadWatch {
 fn spec(kind: ProceduralKind) -> ProceduralSpec {
     ProceduralSpec { kind, dims: [9, 8, 7], seed: 0, spacing: None }
 }
-
-const KINDS: [ProceduralKind; 8] = [
-    ProceduralKind::Gyroid,
-    ProceduralKind::MarschnerLobb,
-    ProceduralKind::Menger,
-    ProceduralKind::Mandelbulb,
-    ProceduralKind::Cloud,
-    ProceduralKind::SphereFlake,
-    ProceduralKind::Boxes,
-    ProceduralKind::SphereOnPlane,
-];
 
 #[test]
 fn progress_within_a_stage_never_falls_and_never_passes_one() {
