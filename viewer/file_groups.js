@@ -1,16 +1,21 @@
-/** Files that a person chose or dropped, sorted into volumes: slices of a series belong together. */
+/** Files that a person chose or dropped, sorted into volumes: slices of a series, or a header and its data, belong together. */
 
 /** A folder may hold many; more than this at once is a mistake, not a wish. */
 const MOST_VOLUMES = 20;
 /** Endings of files that hold a volume each. */
 const VOLUME = /\.(nrrd|nhdr|nii|mha|mhd|npy|npz|vti|tiff?|zip|tar|tgz|gz|zst|raw)$/i;
 const SLICE = /\.(dcm|dicom|ima)$/i;
+/** A header of which the data are in other files, and what those may be called. */
+const HEADER = /\.(nhdr|mhd)$/i;
+const DATA = /\.(raw|zraw|bin|dat|img|[^.]*\.gz|gz)$/i;
+const WHOLE = /\.(nrrd|nii|mha|npy|vti|tiff?|tar)\.gz$/i;
 /** No ending, or the last number of a unique identifier. */
 const NAMELESS = /^[^.]+$|\.\d+$/;
 
 /**
  * @typedef {{path: string, file: File}} Found `path` begins with the folder that was chosen
- * @typedef {{name: string, file: File} | {name: string, slices: Found[]}} Group one volume
+ * @typedef {{name: string, file: File} | {name: string, files: Found[], format?: string}} Group one volume; several
+ *   files of it are sent in a zip
  */
 
 /** @param {Iterable<File>} files of an input */
@@ -54,15 +59,31 @@ export function groupFiles(files) {
   const isSlice = ({ file }) => SLICE.test(file.name) || (NAMELESS.test(file.name) && !VOLUME.test(file.name));
   const slices = visible.filter(isSlice);
   const isMeant = ({ path, file }) => VOLUME.test(file.name) || !path.includes('/');
-  const alone = visible.filter((one) => !isSlice(one) && isMeant(one));
-  if (alone.length > MOST_VOLUMES) {
-    throw new RangeError(`these are ${alone.length} volumes; choose at most ${MOST_VOLUMES} at once, or pack the slices of one into a zip file`);
+  const headers = visible.filter(({ file }) => HEADER.test(file.name));
+  const packed = headers.map((header) => [header, ...dataOf(header, headers, visible)]).filter((files) => files.length > 1);
+  const inPacked = new Set(packed.flat());
+  const alone = visible.filter((one) => !isSlice(one) && isMeant(one) && !inPacked.has(one));
+  const count = alone.length + packed.length;
+  if (count > MOST_VOLUMES) {
+    throw new RangeError(`these are ${count} volumes; choose at most ${MOST_VOLUMES} at once, or pack the slices of one into a zip file`);
   }
   /** @type {Group[]} */
   const groups = alone.map(({ file }) => ({ name: file.name, file }));
   if (slices.length === 1) groups.push({ name: slices[0].file.name, file: slices[0].file });
-  else if (slices.length > 1) groups.push({ name: nameOf(slices), slices });
-  return { groups, passedOver: files.length - alone.length - slices.length };
+  else if (slices.length > 1) groups.push({ name: nameOf(slices), files: slices, format: 'dicom' });
+  for (const files of packed) groups.push({ name: files[0].file.name, files });
+  return { groups, passedOver: files.length - alone.length - slices.length - inPacked.size };
+}
+
+/**
+ * Files that may hold a header's data: those in its folder or below, called like it where there are several headers.
+ * @param {Found} header @param {Found[]} headers @param {Found[]} files
+ */
+function dataOf(header, headers, files) {
+  const folder = header.path.slice(0, header.path.lastIndexOf('/') + 1);
+  const stem = header.file.name.replace(HEADER, '').toLowerCase();
+  const isBeside = ({ path, file }) => path.startsWith(folder) && DATA.test(file.name) && !WHOLE.test(file.name);
+  return files.filter((one) => isBeside(one) && (headers.length === 1 || one.file.name.toLowerCase().startsWith(`${stem}.`)));
 }
 
 /** The folder that slices lie in, else how many they are. @param {Found[]} slices */

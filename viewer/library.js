@@ -130,10 +130,12 @@ export class Library extends Emitter {
 
   /** @param {import('./file_groups.js').Group} group */
   async #openGroup(group) {
-    if ('slices' in group) {
+    if ('files' in group) {
+      const format = group.format ? { format: group.format } : {};
+      const name = (group.format ? group.name : volumeName(group.name)).slice(0, 200);
       this.loads.start(group.name, async (choice, signal, report) => {
-        const archive = await zipOf(group.slices, (fraction) => report('packing', fraction), signal);
-        return this.#send(archive, { name: group.name.slice(0, 200), format: 'dicom', ...choice }, report, signal);
+        const archive = await zipOf(group.files, (fraction) => report('packing', fraction), signal);
+        return this.#send(archive, { name, ...format, ...choice }, report, signal);
       });
       return;
     }

@@ -57,7 +57,7 @@ function fromDevice(openFiles) {
   const chooseFolder = button('', () => folder.click());
   chooseFolder.append(icon('folder'), 'Choose a folder');
   return h('div', { class: 'stack' },
-    h('p', {}, 'NRRD, NIfTI, MetaImage, NumPy, VTK, TIFF, DICOM, Zarr (as a zip). Several DICOM slices, or a folder of them, become one volume. Files can also be dropped anywhere on the page.'),
+    h('p', {}, 'NRRD, NIfTI, MetaImage, NumPy, VTK, TIFF, DICOM, Zarr (as a zip). Several DICOM slices, or a folder of them, become one volume, and so do a header (.nhdr, .mhd) and its data. Files can also be dropped anywhere on the page.'),
     h('div', { class: 'row' }, files, folder, chooseFiles, chooseFolder));
 }
 

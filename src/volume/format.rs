@@ -4,9 +4,10 @@ use std::path::Path;
 
 use super::error::excerpt;
 use super::formats::{NOT_READ, Row, TABLE};
-use super::input::{Choice, Input, Siblings, Source};
+use super::input::{Choice, Input, Source};
+use super::siblings::Siblings;
 use super::wrap::{Wrapping, unwrapped_name};
-use super::{Limits, LoadWatch, RawSpec, Shape, Volume, VolumeError, paths, zarr};
+use super::{Limits, LoadWatch, RawSpec, Shape, Volume, VolumeError, packed, paths, zarr};
 
 /// A file format that is read. Any file may be wrapped in gzip or Zstandard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +90,11 @@ impl Format {
 
     /// What an archive that might be of DICOM files is really of.
     fn of_archive(self, input: &mut Input) -> Self {
-        if self == Self::Dicom && zarr::is_zarr(input) { Self::Zarr } else { self }
+        match self {
+            Self::Dicom if zarr::is_zarr(input) => Self::Zarr,
+            Self::Dicom => packed::format_of(input).unwrap_or(self),
+            _ => self,
+        }
     }
 
     /// The format of a file that was fetched: by the end of its name, else as that of an upload.
@@ -267,7 +272,7 @@ pub fn peek_chosen(
 ) -> Result<Shape, VolumeError> {
     let peek = |mut input: Input, format: Format| {
         check_choice(&input.choice, format)?;
-        (format.row().peek)(&mut input)
+        packed::unpacked(&mut input, format, format.row().peek)
     };
     with_path(path, data_dir, raw, choice, limits, peek)
 }
@@ -292,7 +297,7 @@ fn check_choice(choice: &Choice, format: Format) -> Result<(), VolumeError> {
 fn read<'a>(mut input: Input<'a>, format: Format, watch: &'a LoadWatch) -> Result<Volume, VolumeError> {
     check_choice(&input.choice, format)?;
     input.watched_by(watch)?;
-    let read = (format.row().read)(&mut input);
+    let read = packed::unpacked(&mut input, format, format.row().read);
     // Whatever the reader of a format makes of its sudden end.
     watch.check()?;
     let mut volume = read?;
@@ -314,6 +319,7 @@ fn with_path<T>(
     let mut input = Input::new("path", source, raw, limits)?;
     input.choice = choice.clone();
     let format = Format::of_file(&path, &mut input)?;
-    input.siblings = Some(Siblings { root: data_dir, directory: path.parent().unwrap_or(data_dir), watch: None });
+    input.siblings =
+        Some(Siblings::Directory { root: data_dir, directory: path.parent().unwrap_or(data_dir), watch: None });
     work(input, format)
 }

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
+use super::siblings::Siblings;
 use super::voxels::data_error;
 use super::watch::Watched;
 use super::wrap::Wrapping;
@@ -13,18 +14,7 @@ use super::{Limits, LoadStage, LoadWatch, RawSpec, VolumeError};
 const HEAD_BYTES: u64 = 1024;
 
 /// Most bytes of a file that is unwrapped as a whole: unlike a stream, it takes memory before its header is read.
-const MAX_UNWRAPPED_BYTES: u64 = 1 << 30;
-
-/// Where a file that is only a header may find its data.
-#[derive(Clone, Copy, Debug)]
-pub struct Siblings<'a> {
-    /// The directory that no data file may be outside of.
-    pub root: &'a Path,
-    /// The header's own directory, which names of data files are relative to; inside `root`.
-    pub directory: &'a Path,
-    /// Told of what is read of them.
-    pub watch: Option<&'a LoadWatch>,
-}
+pub(super) const MAX_UNWRAPPED_BYTES: u64 = 1 << 30;
 
 /// The bytes of a file, wherever they are.
 #[derive(Debug)]
@@ -112,8 +102,8 @@ impl<'a> Input<'a> {
         };
         watch.begin(LoadStage::Reading, length);
         self.watch = Some(watch);
-        if let Some(siblings) = &mut self.siblings {
-            siblings.watch = Some(watch);
+        if let Some(Siblings::Directory { watch: told, .. }) = &mut self.siblings {
+            *told = Some(watch);
         }
         Ok(())
     }

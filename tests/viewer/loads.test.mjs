@@ -70,6 +70,18 @@ test('several slices become one volume, whichever order they come in', async () 
   }, { hash: await freshScene(), ...REFUSED });
 });
 
+test('a header and its data are sent together', async () => {
+  await withViewer(async (page) => {
+    await settled(page);
+    const header = 'NRRD0001\ntype: uint8\ndimension: 3\nsizes: 6 5 4\nencoding: raw\ndata file: pair.raw\n';
+    const data = Buffer.from(Array.from({ length: 120 }, (_, i) => i));
+    await chooseFiles(page, [octets('pair.raw', data), octets('pair.nhdr', Buffer.from(header))]);
+    await current(page, 'pair');
+    const { dims, source } = (await volumes()).find(({ name }) => name === 'pair');
+    assert.deepEqual([dims, source.upload.format], [[6, 5, 4], 'nrrd']);
+  }, { hash: await freshScene(), ...REFUSED });
+});
+
 test('of several series one is chosen, and the files are sent again with it', async () => {
   await withViewer(async (page) => {
     await settled(page);

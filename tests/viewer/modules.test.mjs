@@ -51,7 +51,7 @@ test('chosen files are sorted into volumes, and slices of a series belong togeth
     const found = list.map((path) => ({ path, file: new File(['x'], path.split('/').pop()) }));
     try {
       const { groups, passedOver } = groupFiles(found);
-      return { groups: groups.map(({ name, slices }) => [name, slices ? slices.length : 0]), passedOver };
+      return { groups: groups.map(({ name, files }) => [name, files ? files.length : 0]), passedOver };
     } catch (error) {
       return error.message;
     }
@@ -61,6 +61,11 @@ test('chosen files are sorted into volumes, and slices of a series belong togeth
   assert.deepEqual(await sort(['one.dcm']), { groups: [['one.dcm', 0]], passedOver: 0 });
   const study = ['study/.DS_Store', 'study/readme.txt', 'study/a/IM0', 'study/a/IM1', 'study/b/1.2.840.17'];
   assert.deepEqual(await sort(study), { groups: [['study', 3]], passedOver: 2 });
+  // A header takes what is beside it; several of them, what is called like them.
+  assert.deepEqual(await sort(['h.nhdr', 'x.raw', 'b.nii.gz']), { groups: [['b.nii.gz', 0], ['h.nhdr', 2]], passedOver: 0 });
+  const headers = ['a/one.mhd', 'a/one.zraw', 'a/Two.nhdr', 'a/two.raw.gz', 'a/three.raw', 'one.raw'];
+  assert.deepEqual(await sort(headers), { groups: [['three.raw', 0], ['one.raw', 0], ['one.mhd', 2], ['Two.nhdr', 2]], passedOver: 0 });
+  assert.deepEqual(await sort(['alone.nhdr']), { groups: [['alone.nhdr', 0]], passedOver: 0 });
   assert.match(await sort(Array.from({ length: 21 }, (_, i) => `stack/${i}.tif`)), /21 volumes; choose at most 20/);
 });
 

@@ -8,16 +8,15 @@
 mod fields;
 mod header;
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use header::{DataFile, Header};
 
-use super::input::{Input, Siblings, Stream, finish};
+use super::input::{Input, Stream, finish};
 use super::voxels::data_error;
-use super::watch::Watched;
-use super::{About, Limits, Shape, Volume, VolumeError, Voxels, paths};
+use super::{About, Limits, Shape, Volume, VolumeError, Voxels};
 
 /// Bytes of a gzip stream, which some writers have instead of zlib.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
@@ -42,8 +41,16 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
             append(&mut voxels, stream, &header, count, limits)?;
         }
         DataFile::Beside(name) => {
-            let file = open_beside(name, siblings)?;
-            append(&mut voxels, file, &header, count, limits)?;
+            let field = "ElementDataFile";
+            let siblings = siblings.ok_or_else(|| {
+                VolumeError::unsupported(
+                    field,
+                    "the data are in another file: upload both in one zip or tar, or load the header by its path in \
+                     the data directory",
+                )
+            })?;
+            siblings.check(std::slice::from_ref(name), field)?;
+            siblings.read(name, field, &mut |file| append(&mut voxels, file, &header, count, limits))?;
         }
     }
     let mut about = About { patient_axes: true, ..About::default() };
@@ -54,22 +61,6 @@ pub(super) fn read_input(input: &mut Input) -> Result<Volume, VolumeError> {
 pub(super) fn peek_input(input: &mut Input) -> Result<Shape, VolumeError> {
     let (header, _) = Header::read(&mut input.open()?.reader)?;
     Ok(Shape::of(&header.grid, header.voxel_type))
-}
-
-fn open_beside<'a>(name: &str, siblings: Option<Siblings<'a>>) -> Result<Stream<'a>, VolumeError> {
-    let field = "ElementDataFile";
-    let siblings = siblings.ok_or_else(|| {
-        let message = "the data are in another file: load the header by its path in the data directory, or upload an \
-                       .mha file, which has both";
-        VolumeError::unsupported(field, message)
-    })?;
-    let path = paths::resolve_inside(siblings.root, siblings.directory, name, field)?;
-    let (file, length) = paths::open(&path, field)?;
-    if let Some(watch) = siblings.watch {
-        watch.expect(length);
-    }
-    let file = Watched::new(file, siblings.watch);
-    Ok(Stream { reader: Box::new(BufReader::new(file).take(length)), length: Some(length) })
 }
 
 /// Appends `count` voxels from where the data begin.

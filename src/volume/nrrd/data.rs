@@ -1,13 +1,12 @@
 //! From encoded bytes to voxels.
 
-use std::io::{self, BufRead, BufReader, Read, Take};
+use std::io::{self, BufRead, Read, Take};
 
 use flate2::bufread::MultiGzDecoder;
 
-use super::{ByteSkip, Encoding, Header, Siblings};
-use crate::volume::paths;
+use super::{ByteSkip, Encoding, Header};
+use crate::volume::siblings::Siblings;
 use crate::volume::voxels::data_error;
-use crate::volume::watch::Watched;
 use crate::volume::{Limits, VolumeError, Voxels};
 
 /// No deflate stream expands by more than 1032:1.
@@ -27,17 +26,14 @@ pub(super) fn append_files(
         return Err(VolumeError::malformed("data file", message));
     }
     // All of them before the first is read: a missing one is found early.
-    let resolve = |name: &String| paths::resolve_inside(siblings.root, siblings.directory, name, "data file");
-    let files: Vec<_> = names.iter().map(resolve).collect::<Result<_, _>>()?;
-    if let Some(watch) = siblings.watch {
-        watch.expect(files.iter().filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum());
-    }
-    for path in files {
-        let (file, length) = paths::open(&path, "data file")?;
-        let source = BufReader::new(Watched::new(file, siblings.watch)).take(length);
-        append("data file", voxels, source, header, count / names.len(), limits)?;
-    }
-    Ok(())
+    siblings.check(names, "data file")?;
+    let share = count / names.len();
+    names.iter().try_for_each(|name| {
+        siblings.read(name, "data file", &mut |stream| {
+            let source = stream.reader.take(stream.length.unwrap_or(u64::MAX));
+            append("data file", voxels, source, header, share, limits)
+        })
+    })
 }
 
 /// Appends `count` voxels from a source that holds them after the header's skips; `field` is what errors name.

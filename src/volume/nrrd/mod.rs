@@ -24,9 +24,8 @@ use std::io::BufRead;
 pub use header::{ByteSkip, DataLocation, Encoding, Header, read_header};
 pub use write::{attached_header, attached_header_without_space};
 
-pub use super::input::Siblings;
-
 use super::input::Input;
+use super::siblings::Siblings;
 use super::{Limits, Shape, Volume, VolumeError, Voxels};
 
 /// Reads a volume from the `length` bytes of a header with or without attached data; `None` if that is not known.
@@ -35,7 +34,7 @@ use super::{Limits, Shape, Volume, VolumeError, Voxels};
 ///
 /// # Errors
 /// Names the header field at fault, or `data`. Sizes beyond `limits` are refused before anything is allocated.
-pub fn read(
+fn read(
     reader: impl BufRead,
     length: impl Into<Option<u64>>,
     siblings: Option<Siblings>,
@@ -58,8 +57,8 @@ pub fn read(
             let siblings = siblings.ok_or_else(|| {
                 VolumeError::unsupported(
                     "data file",
-                    "a detached header must be loaded by its path in the data directory; \
-                     or upload a header with its data attached, or the data alone with format=raw",
+                    "the data are in another file: upload both in one zip or tar, or load the header by its path in \
+                     the data directory",
                 )
             })?;
             data::append_files(names, siblings, &mut voxels, &header, count, limits)?;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use zip::ZipArchive;
 
-use crate::volume::archive::{check_name, is_tar, is_zip, tar_error, zip_error};
+use crate::volume::archive::{check_name, first_names, is_tar, is_zip, tar_error, zip_error};
 use crate::volume::error::excerpt;
 use crate::volume::input::{Input, ReadSeek, finish};
 use crate::volume::voxels::data_error;
@@ -18,9 +18,6 @@ const DOCUMENTS: [&str; 4] = ["zarr.json", ".zgroup", ".zarray", ".zattrs"];
 
 /// Most files of a tar, whose places are kept.
 const MAX_TAR_FILES: usize = 1 << 20;
-
-/// Files at the beginning of a tar by which it is told from one of DICOM.
-const TOLD_BY: usize = 64;
 
 /// Keys with bytes.
 pub(super) struct Store<'i> {
@@ -41,19 +38,7 @@ pub(in crate::volume) fn is_zarr(input: &mut Input) -> bool {
     if let Some(folder) = input.folder() {
         return DOCUMENTS.iter().any(|name| folder.join(name).is_file());
     }
-    let Ok(head) = input.head() else { return false };
-    if is_zip(&head) {
-        let archive = input.seekable().ok().and_then(|source| ZipArchive::new(source).ok());
-        return archive
-            .is_some_and(|archive| archive.file_names().any(|name| name.is_ok_and(|name| is_document(&name))));
-    }
-    let Ok(stream) = input.open() else { return false };
-    let mut archive = tar::Archive::new(stream.reader);
-    is_tar(&head)
-        && archive.entries().is_ok_and(|entries| {
-            let mut names = entries.raw(true).take(TOLD_BY).map_while(Result::ok);
-            names.any(|entry| is_document(&String::from_utf8_lossy(&entry.path_bytes())))
-        })
+    first_names(input).iter().any(|name| is_document(name))
 }
 
 /// Whether a name in an archive is that of a hierarchy's document, or inside of a folder called so.

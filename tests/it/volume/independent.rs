@@ -7,6 +7,8 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use spao_server::volume::{Format, Limits, Volume, format};
 
+use super::makers::zip_of;
+
 /// What the independent reader says of a file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -83,7 +85,13 @@ fn uploads_are_recognised_by_their_bytes_and_read_the_same() {
         let format = Format::detect(None, Some("application/octet-stream"), &bytes).expect(&expected.file);
         if expected.file.ends_with(".mhd") {
             let error = format::read_bytes(&bytes, format, None, &Limits::default()).expect_err("data elsewhere");
-            assert!(error.to_string().contains("upload an .mha file"), "{error}");
+            assert!(error.to_string().contains("upload both in one zip or tar"), "{error}");
+            let text = String::from_utf8_lossy(&bytes);
+            let data = text.lines().find_map(|line| line.strip_prefix("ElementDataFile = ")).expect("named");
+            let both = zip_of(&[(&expected.file, &bytes), (data, &bytes_of(data))]);
+            let format = Format::detect(None, None, &both).expect(&expected.file);
+            let volume = format::read_bytes(&both, format, None, &Limits::default()).expect(&expected.file);
+            assert_eq!(differences(&volume, &expected), [""; 0]);
             beside += 1;
             continue;
         }

@@ -68,7 +68,7 @@ fn a_wrong_or_missing_value_names_its_field() {
         ("ElementDataFile =\n", "ElementDataFile", "names no file"),
         ("ElementDataFile = LIST\n", "ElementDataFile", "one file for each slice is not read"),
         ("ElementDataFile = slice%03d.raw 1 3 1\n", "ElementDataFile", "one file for each slice is not read"),
-        ("ElementDataFile = a.raw\n", "ElementDataFile", "upload an .mha file"),
+        ("ElementDataFile = a.raw\n", "ElementDataFile", "upload both in one zip or tar"),
         ("NDims = 3\nNDims = 3\n", "header", "given twice"),
         ("nonsense\n", "header", "is not `Name = value`"),
     ];

@@ -22,6 +22,7 @@ mod nrrd;
 mod nrrd_errors;
 mod nrrd_files;
 mod nrrd_fuzz;
+mod packed;
 mod procedural;
 mod tiff;
 mod voxels;
@@ -32,7 +33,8 @@ pub(crate) mod zarr;
 mod zarr_errors;
 
 use proptest::test_runner::{Config as ProptestConfig, RngSeed};
-use spao_server::volume::{Endian, Grid, Limits, Volume, VolumeError, VoxelType, Voxels, nrrd as nrrd_format};
+use spao_server::volume::format::read_bytes;
+use spao_server::volume::{Endian, Format, Grid, Limits, Volume, VolumeError, VoxelType, Voxels};
 
 /// A CT head of 128 x 128 x 105 `i16` voxels.
 pub(crate) const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/visible-human-head-128.nrrd");
@@ -49,7 +51,7 @@ fn seeded(cases: u32) -> ProptestConfig {
 
 /// Reads an uploaded NRRD with the default limits.
 fn read_nrrd(bytes: &[u8]) -> Result<Volume, VolumeError> {
-    nrrd_format::read(bytes, bytes.len() as u64, None, &Limits::default())
+    read_bytes(bytes, Format::Nrrd, None, &Limits::default())
 }
 
 /// Asserts that an error is about a field and says something.

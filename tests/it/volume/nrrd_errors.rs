@@ -1,6 +1,7 @@
 //! NRRD files that are refused: every error names the field at fault.
 
-use spao_server::volume::{Limits, VolumeError, nrrd as nrrd_format};
+use spao_server::volume::format::read_bytes;
+use spao_server::volume::{Format, Limits, VolumeError};
 
 use super::nrrd::{bytes_file, file, gzip};
 use super::{assert_names, read_nrrd};
@@ -121,7 +122,7 @@ fn lying_sizes_are_refused_before_anything_is_allocated() {
 #[test]
 fn the_callers_limits_hold() {
     let file = bytes_file("");
-    let read = |limits: &Limits| nrrd_format::read(&file[..], file.len() as u64, None, limits);
+    let read = |limits: &Limits| read_bytes(&file, Format::Nrrd, None, limits);
     let exact = Limits { max_axis: 4, max_voxels: 24, max_bytes: 24 };
     assert!(read(&exact).is_ok());
     assert_names(read(&Limits { max_axis: 3, ..exact }), "sizes", "4 voxels along an axis needed, the limit is 3");

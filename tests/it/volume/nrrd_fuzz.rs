@@ -1,7 +1,8 @@
 //! NRRD headers that nobody would write: refused or read, never a panic.
 
 use proptest::prelude::*;
-use spao_server::volume::{Limits, nrrd as nrrd_format};
+use spao_server::volume::format::read_bytes;
+use spao_server::volume::{Format, Limits};
 
 use super::nrrd::bytes_file;
 use super::read_nrrd;
@@ -96,7 +97,7 @@ proptest! {
     ) {
         let file = [header.as_bytes(), &data].concat();
         let limits = Limits { max_axis: 64, max_voxels: 4096, max_bytes: 8192 };
-        match nrrd_format::read(&file[..], file.len() as u64, None, &limits) {
+        match read_bytes(&file, Format::Nrrd, None, &limits) {
             Ok(volume) => {
                 prop_assert_eq!(volume.grid.voxel_count(), volume.voxels.len() as u64);
                 prop_assert!(volume.grid.check().is_ok());
