@@ -6,7 +6,7 @@ the world positions of all corners, the histogram, and every voxel; by upload an
     spao-server serve --data-dir FOLDER &
     scripts/compare-readers.py FOLDER
 
-A zip is taken for a DICOM series; a detached header is loaded by path alone.
+A zip is taken for a DICOM series; a detached header is uploaded in a zip with the files that are called like it.
 """
 
 import argparse
@@ -24,6 +24,16 @@ import SimpleITK
 
 TYPES = {"u8": "uint8", "i8": "int8", "u16": "uint16", "i16": "int16", "u32": "uint32", "i32": "int32"}
 TYPES |= {"f32": "float32", "f64": "float64", "u64": "uint64", "i64": "int64"}
+
+
+def upload_of(path):
+    if path.suffix not in (".nhdr", ".mhd"):
+        return path.read_bytes()
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in path.parent.glob(f"{path.stem}.*"):
+            archive.write(file, file.name)
+    return packed.getvalue()
 
 
 def by_simpleitk(path):
@@ -109,9 +119,10 @@ def main():
             continue
         voxels, affine = by_pydicom(path) if path.suffix == ".zip" else by_simpleitk(path)
         source = json.dumps({"source": {"path": path.name}}).encode()
-        ways = {"path": lambda: server.json("POST", "volumes", source, "application/json")}
-        if path.suffix not in (".nhdr", ".mhd"):
-            ways["upload"] = lambda: server.json("POST", "volumes", path.read_bytes())
+        ways = {
+            "path": lambda: server.json("POST", "volumes", source, "application/json"),
+            "upload": lambda: server.json("POST", "volumes", upload_of(path)),
+        }
         for way, load in ways.items():
             volume = load()
             faults = list(check(server, volume, voxels, affine))
