@@ -42,6 +42,13 @@ def main():
     for target, _ in [*targets, ("vti", "")]:
         file = sorted((HERE / "corpus" / target).glob("seed_*"))[0]
         seed("wrapped", f"{file.name}.gz", gzip.compress(file.read_bytes(), mtime=0))
+    for header in sorted(VOLUMES.glob("*.mhd")):
+        files = [(file.name, file.read_bytes()) for file in sorted(VOLUMES.glob(f"{header.stem}.*"))]
+        seed("packed", f"{header.stem}.tar", as_tar(files))
+        text = header.read_bytes()
+        seed("packed", header.name, bytes([len(text) // 2]) + text.ljust(len(text) // 2 * 2) + bytes(512))
+    nrrd = b"NRRD0001\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: d.raw\n\n"
+    seed("packed", "detached.nhdr", bytes([len(nrrd) // 2]) + nrrd.ljust(len(nrrd) // 2 * 2) + bytes(8))
     # Encodings that no fixture has.
     fields = "type: int16\ndimension: 3\nsizes: 2 2 2\nendian: little\nspace: RAS\nspace origin: (1,2,3)\n"
     fields += "space directions: (1,0,0) (0,0,2) (0,3,0)\nkey:=value\n"

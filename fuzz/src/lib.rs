@@ -6,6 +6,7 @@
 mod volume;
 
 use std::alloc::System;
+use std::io::Write;
 
 use cap::Cap;
 pub use volume::Format;
@@ -45,6 +46,21 @@ pub fn check_detected(bytes: &[u8]) {
     match Format::detect(None, None, bytes) {
         Ok(format) => check(format, bytes),
         Err(error) => assert_explained(&error),
+    }
+}
+
+/// Reads a header and its data from a zip; the first byte says where in the others the data begin.
+pub fn check_packed(bytes: &[u8]) {
+    let Some((&at, bytes)) = bytes.split_first() else { return };
+    let (header, data) = bytes.split_at(bytes.len().min(2 * usize::from(at)));
+    for header_name in ["h.nhdr", "a/h.mhd"] {
+        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        let options = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        for (name, bytes) in [(header_name, header), ("d.raw", data), ("a/d.raw", data)] {
+            archive.start_file(name, options).expect("to memory");
+            archive.write_all(bytes).expect("to memory");
+        }
+        check_detected(&archive.finish().expect("to memory").into_inner());
     }
 }
 

@@ -2,7 +2,9 @@
 
 use spao_server::volume::{Format, Limits, format};
 
+use super::dicom::tar;
 use super::independent::{bytes_of, directory, expected};
+use super::makers::zip_of;
 
 /// Mutations of every file.
 const ROUNDS: u64 = 150;
@@ -116,6 +118,27 @@ fn files_with_faults_are_read_or_refused() {
     }
     // Neither are all faults harmless nor are all files lost.
     assert!(read > 1000 && refused > 5000, "{read} read, {refused} refused");
+}
+
+#[test]
+fn archives_of_a_header_and_its_data_with_faults_are_read_or_refused() {
+    let limits = Limits { max_axis: 64, max_voxels: 4096, max_bytes: 32768 };
+    let mut random = Random(3);
+    let (mut read, mut refused) = (0, 0);
+    for [header, data] in [["meta_beside.mhd", "meta_beside.raw"], ["meta_skip.mhd", "meta_skip.raw"]] {
+        let files = [(header, &bytes_of(header)[..]), (data, &bytes_of(data)[..])];
+        for archive in [tar(&files), zip_of(&files)] {
+            let format = Format::detect(None, None, &archive).expect("valid");
+            assert!(format == Format::MetaImage && is_read(format, &archive, &limits), "{header}");
+            for _ in 0..4 * ROUNDS {
+                match is_read(format, &mutated(&archive, &mut random), &limits) {
+                    true => read += 1,
+                    false => refused += 1,
+                }
+            }
+        }
+    }
+    assert!(read > 100 && refused > 1000, "{read} read, {refused} refused");
 }
 
 #[test]
