@@ -105,12 +105,13 @@ function attachKeys(element, camera) {
     shift = event.shiftKey;
     if (!MOVES.has(event.key) || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
-    if (held.size === 0) {
-      // A tap counts as a thirtieth of a second at least.
-      last = performance.now() - 33;
-      requestAnimationFrame(step);
-    }
+    const isFirst = held.size === 0;
     held.add(event.key);
+    if (isFirst) {
+      // A tap counts as a thirtieth of a second at least, and may be over before the next picture.
+      last = performance.now() - 33;
+      step(performance.now());
+    }
   });
   element.addEventListener('keyup', (event) => {
     shift = event.shiftKey;

@@ -192,6 +192,7 @@ export class Session extends Emitter {
   }
 
   #error({ code, message, seq }) {
+    if (code === 'volume_not_found') this.#loseIfDeleted();
     this.emit('notice', { kind: 'error', message, code });
     const id = this.store.id;
     if (typeof seq !== 'number' || !id) return;
@@ -266,6 +267,13 @@ export class Session extends Emitter {
     this.store.moveTo(id);
     this.store.load(id, revision, scene);
     this.#setVolume(volume);
+  }
+
+  /** Somebody else may delete what is shown here; or a change asked for a volume that is not there. */
+  async #loseIfDeleted() {
+    const volume = this.volume;
+    const isGone = volume && (await api.volume(volume.id).then(() => false, ({ status }) => status === 404));
+    if (isGone && volume === this.volume) this.#lose(`The volume “${volume.name}” was deleted from the server.`);
   }
 
   #lose(message) {

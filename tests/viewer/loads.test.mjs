@@ -284,6 +284,21 @@ test('what others load is shown with its progress, and is there when it is done'
   }, { hash: await freshScene() });
 });
 
+test('a volume that somebody else deletes is lost with the next touch, and leaves the list', async () => {
+  await withViewer(async (page) => {
+    await settled(page);
+    await changing(page, () => chooseFiles(page, octets('doomed.nrrd', smallNrrd(25))));
+    await current(page, 'doomed');
+    await settled(page);
+    const { id } = (await volumes()).find(({ name }) => name === 'doomed');
+    assert.equal((await fetch(`${running.url}/v1/volumes/${id}?force=true`, { method: 'DELETE' })).status, 204);
+    await page.locator('#picture').focus();
+    await page.keyboard.press('ArrowLeft');
+    await page.getByRole('alert').getByText('The volume “doomed” was deleted from the server.').waitFor();
+    await page.waitForFunction(() => ![...document.querySelectorAll('.volumes .name')].some(({ textContent }) => textContent === 'doomed'));
+  }, { hash: await freshScene(), ...REFUSED });
+});
+
 test('on an empty server data are opened from the middle of the page', async () => {
   const kept = await volumes();
   await withViewer(async (page) => {

@@ -48,7 +48,7 @@ pub(super) fn choose(mut all: AllSeries, choice: Option<&str>, notes: &mut Vec<S
             Some(choice) => format!("{} is more than one of the series here", excerpt(choice)),
             None => format!("{} series are here; choose one", all.len()),
         };
-        return Err(VolumeError::malformed("series", format!("{reason}: {}", list(&all))));
+        return Err(VolumeError::malformed("series", format!("{reason}: {}", list(&all, true))));
     };
     let Some(mut chosen) = all.remove(uid) else {
         return Err(VolumeError::malformed("series", "none"));
@@ -57,7 +57,7 @@ pub(super) fn choose(mut all: AllSeries, choice: Option<&str>, notes: &mut Vec<S
         return Err(refusal);
     }
     if choice.is_none() && !all.is_empty() {
-        notes.push(format!("Other series were passed over: {}.", list(&all)));
+        notes.push(format!("Other series were passed over: {}.", list(&all, false)));
     }
     Ok(chosen)
 }
@@ -83,13 +83,15 @@ fn candidates(all: &AllSeries) -> Vec<String> {
     if readable.is_empty() { all.keys().take(1).cloned().collect() } else { readable }
 }
 
-/// `series=3 (CT "Thorax", 120 slices), series=...`
-fn list(all: &AllSeries) -> String {
+/// `series=3 (CT "Thorax", 120 slices), series=...`. Descriptions are what somebody has typed, and may name a patient:
+/// they are for whoever has sent the file, and not for notes that stay.
+fn list(all: &AllSeries, with_descriptions: bool) -> String {
     let one = |(uid, series): (&String, &Series)| {
         let alone = |number: &&String| all.values().filter(|s| s.number.as_ref() == Some(*number)).count() == 1;
         let name = series.number.as_ref().filter(alone).map_or_else(|| short(all, uid), String::as_str);
         let modality = series.modality.as_deref().unwrap_or("no modality");
-        let description = series.description.as_deref().map(|text| format!(" {}", excerpt(text))).unwrap_or_default();
+        let description = series.description.as_deref().filter(|_| with_descriptions);
+        let description = description.map(|text| format!(" {}", excerpt(text))).unwrap_or_default();
         let unreadable = if series.refusal.is_some() { ", not readable" } else { "" };
         let plural = if series.pictures == 1 { "" } else { "s" };
         format!(

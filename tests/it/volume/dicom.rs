@@ -209,7 +209,7 @@ fn series_of_one_number_are_told_apart_by_their_identifiers() {
 fn a_localizer_beside_the_volume_is_passed_over_and_noted() {
     let volume = read_dicom(&fixture("localizer.zip"), None).expect("valid");
     assert_eq!(volume.grid.dims, [5, 4, 3]);
-    let note = "Other series were passed over: series=1 (CT `Series 1 of Secret`, 1 slice).";
+    let note = "Other series were passed over: series=1 (CT, 1 slice).";
     assert_eq!(volume.about.notes, [note]);
     assert_eq!(read_dicom(&fixture("localizer.zip"), Some("1")).expect("valid").grid.dims, [5, 4, 1]);
 }
