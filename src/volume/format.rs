@@ -258,6 +258,14 @@ pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<S
     peek_chosen(path, data_dir, raw, &Choice::default(), &Limits::default())
 }
 
+/// Which format a file or folder has; of an archive, by what is in it.
+///
+/// # Errors
+/// As [`load_path`] for the path; unsupported `format` if it is none that is read.
+pub fn format_of_path(path: &str, data_dir: &Path) -> Result<Format, VolumeError> {
+    with_path(path, data_dir, None, &Choice::default(), &Limits::default(), |_, format| Ok(format))
+}
+
 /// [`peek_path`] of a file with several volumes, or a folder of files: what a dry run needs. Of several levels of
 /// detail it is the one that would be read within the limits.
 ///

@@ -3,7 +3,7 @@
 use std::fs::DirEntry;
 use std::path::Path;
 
-use super::format::{by_ending, peek_path};
+use super::format::{by_ending, format_of_path, peek_path};
 use super::{Format, Shape, VolumeError, paths};
 
 /// Most entries of one directory that are looked at.
@@ -25,7 +25,8 @@ pub struct ListedFile {
     pub name: String,
     /// Bytes of a file; `None` for a directory.
     pub bytes: Option<u64>,
-    /// By the end of its name, if that says so; of a directory, if it is a volume as a whole.
+    /// By the end of its name, if that says so; of a directory, if it is a volume as a whole. With its header, by what
+    /// is in it.
     pub format: Option<Format>,
     /// What its header says, or what is wrong with it; `None` where nobody asked.
     pub header: Option<Result<Shape, String>>,
@@ -73,7 +74,9 @@ pub fn list_directory(
         for entry in entries.iter_mut().filter(|entry| entry.bytes.is_some() || entry.format.is_some()) {
             let file = Path::new(path).join(&entry.name);
             // Both parts were text.
-            entry.header = file.to_str().map(|file| peek_path(file, data_dir, None).map_err(|error| told(&error)));
+            let Some(file) = file.to_str() else { continue };
+            entry.format = format_of_path(file, data_dir).ok().or(entry.format);
+            entry.header = Some(peek_path(file, data_dir, None).map_err(|error| told(&error)));
         }
     }
     Ok(Listing { entries, more })

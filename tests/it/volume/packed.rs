@@ -1,6 +1,6 @@
 //! A volume packed into an archive: a header with its files of data, or a single file of another format.
 
-use spao_server::volume::{Format, Limits, Volume, VolumeError, Voxels, format};
+use spao_server::volume::{Format, Limits, Volume, VolumeError, Voxels, format, list_directory};
 
 use super::assert_names;
 use super::dicom::tar;
@@ -93,6 +93,11 @@ fn a_file_of_the_data_directory_may_be_such_an_archive() {
     assert_eq!(volume.voxels, Voxels::U16(voxels()));
     let shape = format::peek_path("tooth.zip", root.path(), None).expect("its header is found");
     assert_eq!(shape.dims, [2, 3, 4]);
+    let format = |with_headers| {
+        let listing = list_directory("", root.path(), "", 10, with_headers).expect("a directory");
+        listing.entries[0].format
+    };
+    assert_eq!([format(false), format(true)], [Some(Format::Dicom), Some(Format::Nrrd)]);
 }
 
 #[test]
