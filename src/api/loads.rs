@@ -66,7 +66,8 @@ impl Wanted {
         };
         permit.wait_for_transfer().await?;
         let file = state.sources.fetch(&url, state.limits.max_upload_bytes, told).await?;
-        let format = Format::of_fetched(url.file_name(), file.content_type.as_deref(), &file.bytes)?;
+        let (name, content_type, bytes) = (url.file_name().to_owned(), file.content_type.clone(), file.bytes.clone());
+        let format = blocking(move || Format::of_fetched(&name, content_type.as_deref(), &bytes)).await??;
         let source = VolumeSource::Fetched { url: url.shown(), bytes: file.bytes, format, choice };
         Ok(LoadRequest { source, extent })
     }

@@ -3,7 +3,6 @@
 //! Nothing is unpacked to disk, and no more than one file is open at a time. What the files may unpack to is bounded
 //! over all visits together; sizes that an archive claims are not believed.
 
-use std::borrow::Cow;
 use std::cell::Cell;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -20,26 +19,14 @@ use super::{LoadWatch, VolumeError};
 /// Most files that are looked at.
 const MAX_FILES: usize = 1 << 16;
 
-/// Files at the beginning of a tar by which it is told what it holds.
-const TOLD_BY: usize = 64;
-
 /// Folders within folders.
 const MAX_DEPTH: usize = 16;
 
 /// Bytes unpacked in all, as a multiple of the largest volume: headers are read twice, the voxels once more.
 const UNPACKED_PER_VOLUME_BYTE: u64 = 2;
 
-/// A file as it is visited.
-pub(super) struct Entry<'n> {
-    /// Its number, which is the same on every visit.
-    pub(super) index: usize,
-    pub(super) name: &'n str,
-    /// How long it is said to be.
-    pub(super) bytes: u64,
-}
-
-/// What is done with each file and its bytes.
-pub(super) type Visit<'v> = dyn FnMut(&Entry, &mut dyn Read) -> Result<(), VolumeError> + 'v;
+/// What is done with each file: its number, which is the same on every visit, its name and its bytes.
+pub(super) type Visit<'v> = dyn FnMut(usize, &str, &mut dyn Read) -> Result<(), VolumeError> + 'v;
 
 /// Files that can be visited more than once.
 pub(super) struct Files<'i, 'a> {
@@ -110,19 +97,13 @@ impl<'i, 'a> Files<'i, 'a> {
     pub(super) fn visit(&mut self, visit: &mut Visit) -> Result<(), VolumeError> {
         let (left, watch) = (&self.left, self.watch);
         let visited = match &mut self.kind {
-            Kind::One(input) => {
-                let stream = input.open()?;
-                let entry = Entry { index: 0, name: "", bytes: stream.length.unwrap_or(u64::MAX) };
-                visit(&entry, &mut BufReader::new(Metered { inner: stream.reader, left }))
-            }
+            Kind::One(input) => visit(0, "", &mut BufReader::new(Metered { inner: input.open()?.reader, left })),
             Kind::Zip(archive) => visit_zip(archive, left, visit),
             Kind::Tar(input) => visit_tar(Metered { inner: input.open()?.reader, left }, visit),
             Kind::Folder(files) => files.iter().enumerate().try_for_each(|(index, path)| {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let file = File::open(path).map_err(|e| VolumeError::io("path", e))?;
-                let bytes = file.metadata().map_err(|e| VolumeError::io("path", e))?.len();
-                let entry = Entry { index, name: &name, bytes };
-                visit(&entry, &mut BufReader::new(Metered { inner: Watched::new(file, watch), left }))
+                visit(index, &name, &mut BufReader::new(Metered { inner: Watched::new(file, watch), left }))
             }),
         };
         if left.get() == 0 {
@@ -132,22 +113,6 @@ impl<'i, 'a> Files<'i, 'a> {
         }
         visited
     }
-}
-
-/// Names of the files and folders in an archive, in a tar of the first ones; none if it is not an archive, or damaged.
-pub(super) fn first_names(input: &mut Input) -> Vec<String> {
-    let Ok(head) = input.head() else { return Vec::new() };
-    if is_zip(&head) {
-        let archive = input.seekable().ok().and_then(|source| ZipArchive::new(source).ok());
-        let names = |archive: &ZipArchive<_>| archive.file_names().flatten().map(Cow::into_owned).collect();
-        return archive.as_ref().map(names).unwrap_or_default();
-    }
-    let Ok(stream) = input.open() else { return Vec::new() };
-    let mut archive = tar::Archive::new(stream.reader);
-    let Ok(entries) = archive.entries() else { return Vec::new() };
-    let name = |entry: tar::Entry<_>| String::from_utf8_lossy(&entry.path_bytes()).into_owned();
-    // Of anything but a tar the first entry is wrong.
-    entries.raw(true).take(TOLD_BY).map_while(Result::ok).map(name).collect()
 }
 
 /// Whether a file begins like a zip archive.
@@ -170,8 +135,7 @@ fn visit_zip(
         let name = file.name().map_err(zip_error)?.into_owned();
         check_name(&name)?;
         if file.is_file() {
-            let entry = Entry { index, name: &name, bytes: file.size() };
-            visit(&entry, &mut BufReader::new(Metered { inner: file, left }))?;
+            visit(index, &name, &mut BufReader::new(Metered { inner: file, left }))?;
         }
     }
     Ok(())
@@ -188,8 +152,7 @@ fn visit_tar(reader: impl Read, visit: &mut Visit) -> Result<(), VolumeError> {
         check_name(&name)?;
         let kind = entry.header().entry_type();
         if kind.is_file() || kind.is_contiguous() {
-            let file = Entry { index, name: &name, bytes: entry.size() };
-            visit(&file, &mut BufReader::new(entry))?;
+            visit(index, &name, &mut BufReader::new(entry))?;
         }
     }
     Ok(())

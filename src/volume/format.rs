@@ -7,7 +7,10 @@ use super::formats::{NOT_READ, Row, TABLE};
 use super::input::{Choice, Input, Source};
 use super::siblings::Siblings;
 use super::wrap::{Wrapping, unwrapped_name};
-use super::{Limits, LoadWatch, RawSpec, Shape, Volume, VolumeError, packed, paths, zarr};
+use super::{Limits, LoadWatch, RawSpec, Shape, Volume, VolumeError, indexed, packed, paths, zarr};
+
+/// Most bytes that are unwrapped as a whole only to say what is in a file.
+const MOST_FOR_A_GLANCE: u64 = 64 << 20;
 
 /// A file format that is read. Any file may be wrapped in gzip or Zstandard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,11 +93,14 @@ impl Format {
 
     /// What an archive that might be of DICOM files is really of.
     fn of_archive(self, input: &mut Input) -> Self {
-        match self {
-            Self::Dicom if zarr::is_zarr(input) => Self::Zarr,
-            Self::Dicom => packed::format_of(input).unwrap_or(self),
-            _ => self,
+        if self != Self::Dicom {
+            return self;
         }
+        if let Some(folder) = input.folder() {
+            return if zarr::is_zarr_folder(folder) { Self::Zarr } else { self };
+        }
+        let (names, archive) = indexed::glance(input);
+        if zarr::is_zarr(&names) { Self::Zarr } else { packed::format_of(&names, archive).unwrap_or(self) }
     }
 
     /// The format of a file that was fetched: by the end of its name, else as that of an upload.
@@ -253,9 +259,12 @@ pub fn load_watched(
 /// Dims, type and spacing of the volume in a file, without its voxels.
 ///
 /// # Errors
-/// As [`load_path`], as far as the header goes.
+/// As [`load_path`], as far as the header goes; too large if more than 64 MiB had to be unwrapped at once.
 pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<Shape, VolumeError> {
-    peek_chosen(path, data_dir, raw, &Choice::default(), &Limits::default())
+    with_path(path, data_dir, raw, &Choice::default(), &Limits::default(), |mut input, format| {
+        input.most_unwrapped = MOST_FOR_A_GLANCE;
+        packed::unpacked(&mut input, format, format.row().peek)
+    })
 }
 
 /// Which format a file or folder has; of an archive, by what is in it.

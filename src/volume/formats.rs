@@ -94,7 +94,7 @@ pub(super) const TABLE: &[Row] = &[
         name: "dicom",
         endings: &["dcm", "dicom", "ima", "zip", "tar", "tgz"],
         content_types: &["zip", "tar"],
-        magic: |head| at(head, 128, b"DICM") || archive::is_zip(head) || archive::is_tar(head),
+        magic: |head| is_dicom(head) || archive::is_zip(head) || archive::is_tar(head),
         read: dicom::read_input,
         peek: dicom::peek_input,
     },
@@ -131,6 +131,11 @@ impl NotRead {
     pub(super) fn refusal(&self) -> VolumeError {
         unknown(&format!("`{}` is not read by this version{}", self.endings[0], self.advice))
     }
+}
+
+/// Whether a file begins like one of DICOM that is not in an archive.
+pub(super) fn is_dicom(head: &[u8]) -> bool {
+    at(head, 128, b"DICM")
 }
 
 fn at(head: &[u8], offset: usize, magic: &[u8]) -> bool {

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
+use super::indexed::Indexed;
 use super::siblings::Siblings;
 use super::voxels::data_error;
 use super::watch::Watched;
@@ -14,7 +15,7 @@ use super::{Limits, LoadStage, LoadWatch, RawSpec, VolumeError};
 const HEAD_BYTES: u64 = 1024;
 
 /// Most bytes of a file that is unwrapped as a whole: unlike a stream, it takes memory before its header is read.
-pub(super) const MAX_UNWRAPPED_BYTES: u64 = 1 << 30;
+const MAX_UNWRAPPED_BYTES: u64 = 1 << 30;
 
 /// The bytes of a file, wherever they are.
 #[derive(Debug)]
@@ -23,6 +24,8 @@ pub(super) enum Source<'a> {
     File(File),
     /// For formats of many files.
     Folder(PathBuf),
+    /// A file in an archive.
+    Packed(Indexed<'a>, String),
 }
 
 /// Which of several volumes in one file is meant.
@@ -50,6 +53,8 @@ pub(super) struct Input<'a> {
     pub(super) raw: Option<&'a RawSpec>,
     /// Which of several volumes is meant.
     pub(super) choice: Choice,
+    /// Most bytes that are unwrapped as a whole.
+    pub(super) most_unwrapped: u64,
     /// How large the volume may be.
     pub(super) limits: &'a Limits,
     /// Told of what is read; may call it off.
@@ -78,9 +83,10 @@ impl<'a> Input<'a> {
     ) -> Result<Self, VolumeError> {
         let mut magic = Vec::new();
         if !matches!(source, Source::Folder(_)) {
-            open(&mut source, None)
-                .and_then(|(reader, _)| reader.take(4).read_to_end(&mut magic))
-                .map_err(|e| VolumeError::io(field, e))?;
+            let is_packed = matches!(source, Source::Packed(..));
+            let read = open(&mut source, None, field)?.0.take(4).read_to_end(&mut magic);
+            // A damaged archive says so when it is read.
+            read.map(drop).or_else(|e| if is_packed { Ok(()) } else { Err(VolumeError::io(field, e)) })?;
         }
         Ok(Self {
             source,
@@ -88,6 +94,7 @@ impl<'a> Input<'a> {
             siblings: None,
             raw,
             choice: Choice::default(),
+            most_unwrapped: MAX_UNWRAPPED_BYTES,
             limits,
             watch: None,
         })
@@ -98,7 +105,7 @@ impl<'a> Input<'a> {
         let length = match &self.source {
             Source::Bytes(bytes) => bytes.len() as u64,
             Source::File(file) => file.metadata().map_err(|e| VolumeError::io("path", e))?.len(),
-            Source::Folder(_) => 0,
+            Source::Folder(_) | Source::Packed(..) => 0,
         };
         watch.begin(LoadStage::Reading, length);
         self.watch = Some(watch);
@@ -108,18 +115,23 @@ impl<'a> Input<'a> {
         Ok(())
     }
 
+    /// Whether the file is in gzip or Zstandard.
+    pub(super) fn is_wrapped(&self) -> bool {
+        self.wrapping.is_some()
+    }
+
     /// The folder, if it is one and not a file.
     pub(super) fn folder(&self) -> Option<&Path> {
         match &self.source {
             Source::Folder(path) => Some(path),
-            Source::Bytes(_) | Source::File(_) => None,
+            Source::Bytes(_) | Source::File(_) | Source::Packed(..) => None,
         }
     }
 
     /// The file as a stream from its beginning; may be asked for again. What is wrapped ends where no volume within
     /// the limits would go on, so that time is limited too.
     pub(super) fn open(&mut self) -> Result<Stream<'_>, VolumeError> {
-        let (reader, length) = open(&mut self.source, self.watch).map_err(|e| VolumeError::io("path", e))?;
+        let (reader, length) = open(&mut self.source, self.watch, "path")?;
         let most = self.limits.max_bytes.saturating_mul(MAX_UNWRAPPED_RATIO).max(MAX_UNWRAPPED_BYTES);
         Ok(match self.wrapping {
             None => Stream { reader, length: Some(length) },
@@ -129,7 +141,7 @@ impl<'a> Input<'a> {
 
     /// The file as it is, with what it is wrapped in.
     pub(super) fn open_wrapped(&mut self) -> Result<Stream<'_>, VolumeError> {
-        let (reader, length) = open(&mut self.source, self.watch).map_err(|e| VolumeError::io("path", e))?;
+        let (reader, length) = open(&mut self.source, self.watch, "path")?;
         Ok(Stream { reader, length: Some(length) })
     }
 
@@ -137,8 +149,8 @@ impl<'a> Input<'a> {
     /// when more than a GiB comes out, or more than the largest volume may have bytes.
     pub(super) fn seekable(&mut self) -> Result<Box<dyn ReadSeek + '_>, VolumeError> {
         let watch = self.watch;
-        if self.wrapping.is_some() {
-            let limit = self.limits.max_bytes.min(MAX_UNWRAPPED_BYTES);
+        if self.is_wrapped() || matches!(self.source, Source::Packed(..)) {
+            let limit = self.limits.max_bytes.min(self.most_unwrapped);
             let mut bytes = Vec::new();
             let mut reader = self.open()?.reader.take(limit.saturating_add(1));
             reader.read_to_end(&mut bytes).map_err(|e| data_error("file", e))?;
@@ -155,7 +167,9 @@ impl<'a> Input<'a> {
                 file.rewind().map_err(|e| VolumeError::io("path", e))?;
                 Box::new(BufReader::new(Watched::new(&*file, watch)))
             }
-            Source::Folder(_) => return Err(VolumeError::io("path", io::ErrorKind::IsADirectory.into())),
+            Source::Folder(_) | Source::Packed(..) => {
+                return Err(VolumeError::io("path", io::ErrorKind::IsADirectory.into()));
+            }
         })
     }
 
@@ -164,22 +178,30 @@ impl<'a> Input<'a> {
         let mut head = Vec::new();
         let read = self.open()?.reader.take(HEAD_BYTES).read_to_end(&mut head);
         match read {
+            Err(e) if matches!(self.source, Source::Packed(..)) => Err(data_error("archive", e)),
             Err(e) if self.wrapping.is_none() => Err(VolumeError::io("path", e)),
             _ => Ok(head),
         }
     }
 }
 
-fn open<'a>(source: &'a mut Source<'_>, watch: Option<&'a LoadWatch>) -> io::Result<(Box<dyn BufRead + 'a>, u64)> {
+/// An error of the system names `field`.
+fn open<'a>(
+    source: &'a mut Source<'_>,
+    watch: Option<&'a LoadWatch>,
+    field: &str,
+) -> Result<(Box<dyn BufRead + 'a>, u64), VolumeError> {
+    let io = |error| VolumeError::io(field, error);
     Ok(match source {
         Source::Bytes(bytes) => (Box::new(Watched::new(*bytes, watch)), bytes.len() as u64),
         Source::File(file) => {
-            file.rewind()?;
-            let length = file.metadata()?.len();
+            file.rewind().map_err(io)?;
+            let length = file.metadata().map_err(io)?.len();
             // What is appended meanwhile is not part of it.
             (Box::new(BufReader::new(Watched::new(&*file, watch)).take(length)), length)
         }
-        Source::Folder(_) => return Err(io::ErrorKind::IsADirectory.into()),
+        Source::Folder(_) => return Err(io(io::ErrorKind::IsADirectory.into())),
+        Source::Packed(archive, name) => archive.open_file(name)?,
     })
 }
 

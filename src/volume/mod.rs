@@ -17,6 +17,7 @@ mod formats;
 mod gray;
 mod grid;
 mod histogram;
+mod indexed;
 mod input;
 mod limits;
 mod lines;

@@ -2,13 +2,15 @@
 
 use std::cell::RefCell;
 use std::fmt;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use std::path::{Component, Path};
 
-use super::archive::{Files, first_names, is_tar, is_zip};
+use super::archive::{is_tar, is_zip};
 use super::error::excerpt;
 use super::format::by_ending;
-use super::input::{Input, MAX_UNWRAPPED_BYTES, Source, Stream};
+use super::formats::is_dicom;
+use super::indexed::{Indexed, plain_name};
+use super::input::{Input, Source, Stream};
 use super::siblings::{self, Packed, Siblings};
 use super::voxels::data_error;
 use super::wrap::unwrapped_name;
@@ -20,24 +22,48 @@ const HEADERS: [(&str, Format); 2] = [(".nhdr", Format::Nrrd), (".mhd", Format::
 /// Formats whose files are not archives, and begin in a way of their own.
 const PLAIN: [Format; 6] = [Format::Nrrd, Format::Nifti, Format::MetaImage, Format::Npy, Format::Vti, Format::Tiff];
 
-/// Most bytes of a header.
+/// Endings of slices of DICOM; others have none, or the last number of an identifier.
+const SLICES: [&str; 3] = [".dcm", ".dicom", ".ima"];
+
+/// Most bytes of a header whose data are in other files.
 const MAX_HEADER_BYTES: u64 = 16 << 20;
 
-/// What the files of an archive make it; `None` if that is not one volume of another format.
-pub(super) fn format_of(input: &mut Input) -> Option<Format> {
-    let names = first_names(input);
-    let mut files = names.iter().filter(|name| is_file(name));
-    if let Some(format) = files.clone().find_map(|name| header_format(name)) {
-        return Some(format);
+/// Files that are looked into to tell whether they are slices.
+const TOLD_BY: usize = 64;
+
+/// First bytes of a file, by which it is told what it is.
+const HEAD_BYTES: u64 = 1024;
+
+/// The format of the one volume in an archive of these files; `None` if that is not one, or slices of DICOM are there
+/// too. `archive` is there if its files can be looked into at little cost.
+pub(super) fn format_of(names: &[String], mut archive: Option<Indexed>) -> Option<Format> {
+    let (main, format) = main_file(names, |_| true).ok()?;
+    let others = || names.iter().map(String::as_str).filter(|name| is_file(name) && *name != main);
+    if others().any(|name| SLICES.iter().any(|ending| name.to_ascii_lowercase().ends_with(ending))) {
+        return None;
     }
-    let (first, others) = (files.next()?, files.count());
-    plain_format(first).filter(|_| others == 0)
+    let nameless = others().filter(|name| by_ending(base(name)).is_none());
+    let any_slice = match &mut archive {
+        Some(archive) => std::iter::once(main).chain(nameless).take(TOLD_BY).any(|name| is_slice(archive, name)),
+        None => nameless.map(base).any(|name| name.rsplit('.').next().is_some_and(|end| end == name || is_number(end))),
+    };
+    (!any_slice).then_some(format)
+}
+
+fn is_number(text: &str) -> bool {
+    text.bytes().all(|byte| byte.is_ascii_digit())
+}
+
+fn is_slice(archive: &mut Indexed, name: &str) -> bool {
+    let mut head = Vec::new();
+    let read = archive.open_file(name).is_ok_and(|(file, _)| file.take(HEAD_BYTES).read_to_end(&mut head).is_ok());
+    read && is_dicom(&head)
 }
 
 /// Runs `work` on the volume's file in an archive, or on the file itself if it is none.
 ///
 /// # Errors
-/// Those of `work`. Names `archive` if it is damaged, or holds no volume of a format that may be packed, or several.
+/// Those of `work`. Names `archive` if it is damaged, or holds no volume of the format, or several.
 pub(super) fn unpacked<T>(
     input: &mut Input,
     format: Format,
@@ -50,70 +76,58 @@ pub(super) fn unpacked<T>(
     if !is_zip(&head) && !is_tar(&head) {
         return work(input);
     }
-    let (raw, limits, watch, choice) = (input.raw, input.limits, input.watch, input.choice.clone());
-    let mut files = Files::open(input)?;
-    let (main, names) = main_file(&mut files, limits.max_bytes)?;
-    let directory = main.name.rsplit_once('/').map_or(String::new(), |(directory, _)| directory.to_owned());
-    let packed = PackedFiles { files: RefCell::new(files), directory, names };
-    let mut inner = Input::new("archive", Source::Bytes(&main.bytes), raw, limits)?;
-    (inner.choice, inner.watch, inner.siblings) = (choice, watch, Some(Siblings::Archive(&packed)));
+    let (raw, limits, most, choice) = (input.raw, input.limits, input.most_unwrapped, input.choice.clone());
+    let mut archive = Indexed::open(input)?;
+    let names = archive.names();
+    let main = main_file(&names, |found| found == format)?.0.to_owned();
+    let mut header = Vec::new();
+    if header_format(&main).is_some() {
+        let mut first = archive.open_file(&main)?.0.take(MAX_HEADER_BYTES + 1);
+        first.read_to_end(&mut header).map_err(|error| data_error("archive", error))?;
+    }
+    // A longer one has its data with it.
+    if (1..=MAX_HEADER_BYTES).contains(&(header.len() as u64)) {
+        let directory = main.rsplit_once('/').map_or(String::new(), |(directory, _)| directory.to_owned());
+        let packed = PackedFiles { archive: RefCell::new(archive), directory, names };
+        let mut inner = Input::new("archive", Source::Bytes(&header), raw, limits)?;
+        (inner.choice, inner.siblings) = (choice, Some(Siblings::Archive(&packed)));
+        return work(&mut inner);
+    }
+    let mut inner = Input::new("archive", Source::Packed(archive, main), raw, limits)?;
+    (inner.choice, inner.most_unwrapped) = (choice, most);
     work(&mut inner)
 }
 
-/// The file that the volume is read from.
-struct Main {
-    name: String,
-    bytes: Vec<u8>,
-    is_header: bool,
-}
-
-/// Finds it in one visit, and the names of all files.
-fn main_file(files: &mut Files, max_bytes: u64) -> Result<(Main, Vec<String>), VolumeError> {
-    let mut names = Vec::new();
-    let mut main: Option<Main> = None;
-    files.visit(&mut |entry, reader| {
-        if !is_file(entry.name) {
-            return Ok(());
-        }
-        let is_header = header_format(entry.name).is_some();
-        match &main {
-            Some(Main { is_header: true, name, .. }) if is_header => {
-                let both = format!("{} and {}", excerpt(name), excerpt(entry.name));
-                return Err(VolumeError::malformed("archive", format!("holds several headers, {both}; expected one")));
+/// The file that the volume is read from, and its format, which is one that is `meant`: a header, else the one file.
+fn main_file(names: &[String], meant: impl Fn(Format) -> bool) -> Result<(&str, Format), VolumeError> {
+    let of = |format_of: fn(&str) -> Option<Format>| {
+        let files = names.iter().map(String::as_str).filter(|name| is_file(name));
+        let known = files.filter_map(|name| Some((name, format_of(name)?)));
+        known.filter(|(_, format)| meant(*format)).collect::<Vec<_>>()
+    };
+    for found in [of(header_format), of(plain_format)] {
+        match found[..] {
+            [] => {}
+            [main] => return Ok(main),
+            [(a, _), (b, _), ..] => {
+                let both = format!("{} and {}", excerpt(a), excerpt(b));
+                return Err(VolumeError::malformed("archive", format!("holds several volumes, {both}; expected one")));
             }
-            _ => {}
         }
-        if is_header || (names.is_empty() && plain_format(entry.name).is_some()) {
-            let limit = if is_header { MAX_HEADER_BYTES } else { max_bytes.min(MAX_UNWRAPPED_BYTES) };
-            main = Some(Main { name: plain_name(entry.name), bytes: whole(reader, limit)?, is_header });
-        }
-        names.push(plain_name(entry.name));
-        Ok(())
-    })?;
-    let several = names.len() > 1;
-    main.filter(|main| main.is_header || !several).map(|main| (main, names)).ok_or_else(|| {
-        VolumeError::malformed(
-            "archive",
-            "expected one file of a volume, or one header (.nhdr or .mhd) with the files of data that it names",
-        )
-    })
-}
-
-fn whole(reader: &mut dyn Read, limit: u64) -> Result<Vec<u8>, VolumeError> {
-    let mut bytes = Vec::new();
-    reader.take(limit + 1).read_to_end(&mut bytes).map_err(|e| data_error("archive", e))?;
-    let needed = bytes.len() as u64;
-    if needed > limit {
-        let needed = u128::from(needed);
-        return Err(VolumeError::TooLarge { field: "archive".into(), unit: "bytes", needed, limit });
     }
-    Ok(bytes)
+    Err(VolumeError::malformed(
+        "archive",
+        "expected one file of a volume, or one header (.nhdr or .mhd) with the files of data that it names",
+    ))
 }
 
-/// Not a folder, nor what systems put beside files of their own accord.
+/// Not hidden, nor what a system puts beside files of its own accord.
 fn is_file(name: &str) -> bool {
-    let base = name.rsplit('/').next().unwrap_or_default();
-    !base.is_empty() && !base.starts_with('.') && !name.starts_with("__MACOSX/")
+    !name.starts_with("__MACOSX/") && !name.split('/').any(|part| part.starts_with('.'))
+}
+
+fn base(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
 }
 
 fn header_format(name: &str) -> Option<Format> {
@@ -122,57 +136,45 @@ fn header_format(name: &str) -> Option<Format> {
 }
 
 fn plain_format(name: &str) -> Option<Format> {
-    by_ending(name.rsplit('/').next()?)?.ok().filter(|format| PLAIN.contains(format))
+    by_ending(base(name))?.ok().filter(|format| PLAIN.contains(format))
 }
 
-/// Without `.` between slashes.
-fn plain_name(name: &str) -> String {
-    let parts = Path::new(name).components().filter(|c| matches!(c, Component::Normal(_)));
-    parts.map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
-}
-
-struct PackedFiles<'i, 'a> {
-    files: RefCell<Files<'i, 'a>>,
+struct PackedFiles<'i> {
+    archive: RefCell<Indexed<'i>>,
     /// The header's place, without a slash at the end.
     directory: String,
     names: Vec<String>,
 }
 
-impl fmt::Debug for PackedFiles<'_, '_> {
+impl fmt::Debug for PackedFiles<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("PackedFiles").field("directory", &self.directory).finish_non_exhaustive()
     }
 }
 
-impl PackedFiles<'_, '_> {
+impl PackedFiles<'_> {
     fn place(&self, name: &str) -> String {
-        let name = plain_name(name);
-        if self.directory.is_empty() { name } else { format!("{}/{name}", self.directory) }
+        plain_name(&format!("{}/{name}", self.directory))
     }
 }
 
-impl Packed for PackedFiles<'_, '_> {
+impl Packed for PackedFiles<'_> {
     fn check(&self, name: &str, field: &str) -> Result<(), VolumeError> {
         let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
         if name.is_empty() || !Path::new(name).components().all(plain) {
             let message = format!("{} is not a relative path without `..`", excerpt(name));
             return Err(VolumeError::malformed(field, message));
         }
-        if self.names.contains(&self.place(name)) {
+        // They are sorted.
+        if self.names.binary_search(&self.place(name)).is_ok() {
             return Ok(());
         }
         Err(VolumeError::malformed(field, format!("{} is not in the archive", excerpt(name))))
     }
 
     fn read(&self, name: &str, read: &mut siblings::Read) -> Result<(), VolumeError> {
-        let place = self.place(name);
-        let mut done = false;
-        self.files.borrow_mut().visit(&mut |entry, reader| {
-            if done || plain_name(entry.name) != place {
-                return Ok(());
-            }
-            done = true;
-            read(Stream { reader: Box::new(BufReader::new(reader)), length: Some(entry.bytes) })
-        })
+        let mut archive = self.archive.borrow_mut();
+        let (reader, length) = archive.open_file(&self.place(name))?;
+        read(Stream { reader, length: Some(length) })
     }
 }

@@ -29,7 +29,7 @@ use parser::Parsed;
 use series::{AllSeries, Series};
 use target::Target;
 
-use super::archive::{Entry, Files};
+use super::archive::Files;
 use super::error::excerpt;
 use super::input::Input;
 use super::{About, Grid, Limits, Shape, Volume, VolumeError, VoxelType};
@@ -82,7 +82,7 @@ fn plan(files: &mut Files, choice: Option<&str>, limits: &Limits) -> Result<Plan
 fn scan(files: &mut Files, limits: &Limits, notes: &mut Vec<String>) -> Result<AllSeries, VolumeError> {
     let mut all = AllSeries::new();
     let (mut others, mut without_voxels, mut slices) = (0, 0, 0);
-    files.visit(&mut |&Entry { index, name, .. }, reader| {
+    files.visit(&mut |index, name, reader| {
         match parser::parse(reader).map_err(|error| in_file(error, name))? {
             None => others += 1,
             Some(Parsed { voxels: None, .. }) => without_voxels += 1,
@@ -155,7 +155,7 @@ fn load(mut files: Files, choice: Option<&str>, limits: &Limits) -> Result<Volum
     places.sort_unstable();
     let mut target = Target::new(voxel_type, voxel_count, voxel_count / slices.len());
     let mut about = About { patient_axes, notes, ..About::default() };
-    files.visit(&mut |&Entry { index, name, .. }, reader| {
+    files.visit(&mut |index, name, reader| {
         let start = places.partition_point(|&(file, ..)| file < index);
         if places.get(start).is_none_or(|&(file, ..)| file != index) {
             return Ok(());

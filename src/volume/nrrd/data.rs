@@ -29,9 +29,10 @@ pub(super) fn append_files(
     siblings.check(names, "data file")?;
     let share = count / names.len();
     names.iter().try_for_each(|name| {
-        siblings.read(name, "data file", &mut |stream| {
-            let source = stream.reader.take(stream.length.unwrap_or(u64::MAX));
-            append("data file", voxels, source, header, share, limits)
+        siblings.read(name, "data file", &mut |mut stream| {
+            let length = stream.length.unwrap_or(u64::MAX);
+            append("data file", voxels, (&mut stream.reader).take(length), header, share, limits)?;
+            stream.finish("data file")
         })
     })
 }

@@ -33,7 +33,7 @@ use super::error::excerpt;
 use super::input::{Choice, Input};
 use super::{About, Grid, Limits, Shape, Volume, VolumeError, channels as choice_of_channels};
 
-pub(super) use store::is_zarr;
+pub(super) use store::{is_zarr, is_zarr_folder};
 
 /// Reads the volume.
 ///

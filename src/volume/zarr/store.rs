@@ -1,23 +1,20 @@
 //! Where a hierarchy's keys are: a folder, or a zip or tar archive of one.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use zip::ZipArchive;
 
-use crate::volume::archive::{check_name, first_names, is_tar, is_zip, tar_error, zip_error};
+use crate::volume::archive::{check_name, is_tar, is_zip, zip_error};
 use crate::volume::error::excerpt;
+use crate::volume::indexed::{TarFiles, tar_files};
 use crate::volume::input::{Input, ReadSeek, finish};
 use crate::volume::voxels::data_error;
 use crate::volume::{VolumeError, paths};
 
 /// Documents of which a hierarchy, or a level of one, is known.
 const DOCUMENTS: [&str; 4] = ["zarr.json", ".zgroup", ".zarray", ".zattrs"];
-
-/// Most files of a tar, whose places are kept.
-const MAX_TAR_FILES: usize = 1 << 20;
 
 /// Keys with bytes.
 pub(super) struct Store<'i> {
@@ -29,16 +26,17 @@ pub(super) struct Store<'i> {
 enum Kind<'i> {
     Folder(PathBuf),
     Zip(ZipArchive<Box<dyn ReadSeek + 'i>>),
-    /// Offset and length of each file.
-    Tar(Box<dyn ReadSeek + 'i>, BTreeMap<String, (u64, u64)>),
+    Tar(Box<dyn ReadSeek + 'i>, TarFiles),
 }
 
-/// Whether the archive or folder holds a hierarchy, at its root or below.
-pub(in crate::volume) fn is_zarr(input: &mut Input) -> bool {
-    if let Some(folder) = input.folder() {
-        return DOCUMENTS.iter().any(|name| folder.join(name).is_file());
-    }
-    first_names(input).iter().any(|name| is_document(name))
+/// Whether a folder holds a hierarchy.
+pub(in crate::volume) fn is_zarr_folder(folder: &Path) -> bool {
+    DOCUMENTS.iter().any(|name| folder.join(name).is_file())
+}
+
+/// Whether an archive of these files holds a hierarchy, at its root or below.
+pub(in crate::volume) fn is_zarr(names: &[String]) -> bool {
+    names.iter().any(|name| is_document(name))
 }
 
 /// Whether a name in an archive is that of a hierarchy's document, or inside of a folder called so.
@@ -156,31 +154,6 @@ fn prefix<'n>(names: impl Iterator<Item = &'n str>) -> Result<String, VolumeErro
             Err(VolumeError::unsupported("archive", message))
         }
     }
-}
-
-fn tar_files(reader: &mut dyn ReadSeek) -> Result<BTreeMap<String, (u64, u64)>, VolumeError> {
-    let mut files = BTreeMap::new();
-    let mut archive = tar::Archive::new(reader);
-    // Raw: long names are entries like others, and not read into memory whatever their size; chunks have short ones.
-    for entry in archive.entries_with_seek().map_err(tar_error)?.raw(true) {
-        let entry = entry.map_err(tar_error)?;
-        let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
-        check_name(&name)?;
-        let kind = entry.header().entry_type();
-        if kind.is_gnu_longname() {
-            let message = "a tar with names of more than 100 characters is not read; use a zip";
-            return Err(VolumeError::unsupported("archive", message));
-        }
-        if kind.is_file() || kind.is_contiguous() {
-            let name = name.strip_prefix("./").map(str::to_owned).unwrap_or(name);
-            files.insert(name, (entry.raw_file_position(), entry.size()));
-        }
-        if files.len() > MAX_TAR_FILES {
-            let (needed, limit) = (files.len() as u128, MAX_TAR_FILES as u64);
-            return Err(VolumeError::TooLarge { field: "archive".into(), unit: "files", needed, limit });
-        }
-    }
-    Ok(files)
 }
 
 /// The bytes of a key.

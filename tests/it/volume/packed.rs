@@ -3,7 +3,7 @@
 use spao_server::volume::{Format, Limits, Volume, VolumeError, Voxels, format, list_directory};
 
 use super::assert_names;
-use super::dicom::tar;
+use super::dicom::{tar, unzipped};
 use super::independent::bytes_of;
 use super::makers::zip_of;
 use super::nrrd::gzip;
@@ -113,14 +113,12 @@ fn what_is_missing_doubtful_or_outside_is_named() {
     assert_fails(&[("a/h.nhdr", &with("../tooth.raw")), ("tooth.raw", &data)], "data file", "without `..`");
     assert_fails(&[("h.nhdr", &with("/tooth.raw")), ("tooth.raw", &data)], "data file", "without `..`");
     assert_fails(&[("h.nhdr", &with("t.raw")), ("t.raw", &data[1..])], "data file", "truncated: expected 48 bytes");
+    // Two volumes are none, and are taken for DICOM as any archive is, unless it is said what they are.
     let two = [("a.nhdr", &with("t.raw")[..]), ("b.nhdr", &with("t.raw")), ("t.raw", &data)];
-    assert_fails(&two, "archive", "holds several headers, `a.nhdr` and `b.nhdr`; expected one");
-    // Two volumes are none, and are taken for DICOM as any archive is.
-    let nifti = bytes_of("nifti1_sform.nii");
-    assert_fails(&[("a.nii", &nifti), ("b.nii", &nifti)], "archive", "no DICOM pictures are in it");
-    let named =
-        format::read_bytes(&zip_of(&[("a.nii", &nifti), ("b.nii", &nifti)]), Format::Nifti, None, &Limits::default());
-    assert_names(named, "archive", "expected one file of a volume, or one header");
+    assert_fails(&two, "archive", "no DICOM pictures are in it");
+    let named = |files: &[(&str, &[u8])], format| format::read_bytes(&zip_of(files), format, None, &Limits::default());
+    assert_names(named(&two, Format::Nrrd), "archive", "holds several volumes, `a.nhdr` and `b.nhdr`; expected one");
+    assert_names(named(&[("t.raw", &data)], Format::Nifti), "archive", "expected one file of a volume, or one header");
     assert_fails(&[("../h.nhdr", &with("t.raw")), ("t.raw", &data)], "archive", "leads out of the archive");
     // A header alone says what to do.
     assert_names(upload(&header("t.raw")), "data file", "upload both in one zip or tar");
@@ -129,13 +127,88 @@ fn what_is_missing_doubtful_or_outside_is_named() {
 }
 
 #[test]
-fn what_unpacks_to_too_much_is_refused() {
-    let long = vec![0; 40 << 20];
-    let limits = Limits { max_bytes: 1 << 20, ..Limits::default() };
-    let read = |archive: &[u8], format| format::read_bytes(archive, format, None, &limits);
-    let too_large = |read: Result<Volume, VolumeError>| matches!(read, Err(VolumeError::TooLarge { field, .. }) if field == "archive");
-    assert!(too_large(read(&zip_of(&[("a.nii", &long)]), Format::Nifti)));
-    let header = [FIELDS.as_bytes(), b"encoding: raw\ndata file: t.raw\n#", &long].concat();
-    let unlimited = |archive: &[u8]| format::read_bytes(archive, Format::Nrrd, None, &Limits::default());
-    assert!(too_large(unlimited(&zip_of(&[("h.nhdr", &header)]))));
+fn slices_of_dicom_win_over_what_lies_beside_them() {
+    let header = format!("{FIELDS}encoding: raw\ndata file: mask.raw\n");
+    let mask = [("seg/mask.nhdr", header.as_bytes()), ("seg/mask.raw", &big_endian()[..]), (".zattr", b"")];
+    let slices = unzipped("explicit.zip");
+    let slices: Vec<(&str, &[u8])> = slices.iter().map(|(name, bytes)| (&name[..], &bytes[..])).collect();
+    for archive in [packed(&[&mask[..], &slices].concat()), packed(&[&slices, &mask[..]].concat())].concat() {
+        assert_eq!(Format::detect(None, None, &archive).ok(), Some(Format::Dicom));
+        assert_eq!(upload(&archive).expect("loads").grid.dims, [5, 4, 3]);
+    }
+    // Also one that is called like a file of another format, and those with endings that nobody looks into.
+    for archive in [zip_of(&[("slice.img", slices[1].1)]), tar(&[("slice.tif", slices[1].1)])] {
+        assert_eq!(Format::detect(None, None, &archive).ok(), Some(Format::Dicom));
+    }
+    assert_eq!(Format::detect(None, None, &zip_of(&[mask[0], mask[1], ("a.DCM", b"x")])).ok(), Some(Format::Dicom));
+}
+
+#[test]
+fn what_else_people_and_their_tools_pack_does_no_harm() {
+    let (data, header) = (big_endian(), format!("{FIELDS}encoding: raw\ndata file: x.raw\n"));
+    let both = [("x.nhdr", header.as_bytes()), ("x.raw", &data[..])];
+    let more = [(".git/config", &b"x"[..]), ("README.md", b"x"), (".cache/y.nhdr", b"x"), ("a/.hidden/z.nrrd", b"x")];
+    assert_loads(&[&more[..], &both].concat());
+    assert_loads(&[("dir\\x.nhdr", both[0].1), ("dir\\x.raw", both[1].1)]);
+    let nrrd = [FIELDS.as_bytes(), b"encoding: raw\n\n", &data].concat();
+    assert_loads(&[("README.md", b"x"), ("x.nrrd", &nrrd)]);
+    // A header after a hundred files, of a kind that has its data with it, and in a wrapping of its own.
+    let names: Vec<String> = (0..100).map(|n| format!("note{n}.txt")).collect();
+    let many: Vec<(&str, &[u8])> = names.iter().map(|name| (&name[..], &b"x"[..])).collect();
+    for archive in &packed(&[&many[..], &both].concat())[..2] {
+        assert_eq!(upload(archive).expect("loads").voxels, Voxels::U16(voxels()));
+    }
+    assert_loads(&[("with.nhdr", &nrrd)]);
+    assert_loads(&[("x.nhdr.gz", &gzip(header.as_bytes())), both[1]]);
+}
+
+#[test]
+fn long_names_of_tars_are_read() {
+    let deep = "a-folder-with-a-long-name/".repeat(5);
+    let name = format!("{deep}tooth.raw");
+    let header = format!("{FIELDS}encoding: raw\ndata file: {name}\n");
+    let mut gnu = tar::Builder::new(Vec::new());
+    let mut pax = tar::Builder::new(Vec::new());
+    for (path, bytes) in [("h.nhdr", header.into_bytes()), (&name, big_endian())] {
+        let mut entry = tar::Header::new_gnu();
+        (entry.set_size(bytes.len() as u64), entry.set_mode(0o644));
+        gnu.append_data(&mut entry.clone(), path, &bytes[..]).expect("memory is written");
+        pax.append_pax_extensions([("mtime", &b"1.5"[..]), ("path", path.as_bytes())]).expect("memory is written");
+        (entry.set_path("short").expect("it is"), entry.set_cksum());
+        pax.append(&entry, &bytes[..]).expect("memory is written");
+    }
+    for archive in [gnu.into_inner(), pax.into_inner()].map(|archive| archive.expect("memory is written")) {
+        for archive in [gzip(&archive), archive] {
+            assert_eq!(upload(&archive).expect("loads").voxels, Voxels::U16(voxels()));
+        }
+    }
+}
+
+#[test]
+fn damaged_data_are_noticed_and_thousands_of_files_are_no_matter() {
+    let header = format!("{FIELDS}encoding: raw\ndata file: x.raw\n");
+    let data = big_endian();
+    let mut archive = zip_of(&[("x.nhdr", header.as_bytes()), ("x.raw", &data)]);
+    let at = archive.windows(data.len()).position(|window| window == data).expect("it is stored as it is");
+    archive[at + 5] ^= 1;
+    assert_names(upload(&archive), "data file", "corrupt");
+
+    let slices: Vec<(String, Vec<u8>)> = (0..4096).map(|n| (format!("s{n:04}.raw"), vec![n as u8; 6])).collect();
+    let header = "NRRD0001\ntype: uint8\ndimension: 3\nsizes: 2 3 4096\nencoding: raw\ndata file: s%04d.raw 0 4095 1\n";
+    let mut files: Vec<(&str, &[u8])> = slices.iter().map(|(name, bytes)| (&name[..], &bytes[..])).collect();
+    files.push(("x.nhdr", header.as_bytes()));
+    for archive in [zip_of(&files), tar(&files)] {
+        assert_eq!(upload(&archive).expect("loads").grid.dims, [2, 3, 4096]);
+    }
+}
+
+#[test]
+fn a_file_within_takes_no_memory_before_its_header_is_read() {
+    let long = [FIELDS.as_bytes(), b"encoding: raw\n\n", &vec![0; 40 << 20]].concat();
+    for archive in [zip_of(&[("a.nrrd", &long)]), tar(&[("a.nhdr", &long)])] {
+        // What follows the voxels does not matter.
+        assert_eq!(upload(&archive).expect("loads").grid.dims, [2, 3, 4]);
+    }
+    let zeros = zip_of(&[("a.nii", &vec![0; 40 << 20])]);
+    assert_names(upload(&zeros), "sizeof_hdr", "");
 }
