@@ -5,10 +5,9 @@ const MOST_VOLUMES = 20;
 /** Endings of files that hold a volume each. */
 const VOLUME = /\.(nrrd|nhdr|nii|mha|mhd|npy|npz|vti|tiff?|zip|tar|tgz|gz|zst|raw)$/i;
 const SLICE = /\.(dcm|dicom|ima)$/i;
-/** A header of which the data are in other files, and what those may be called. */
+/** A header, of which the data may be in other files, and the first bytes of it, which name them. */
 const HEADER = /\.(nhdr|mhd)$/i;
-const DATA = /\.(raw|zraw|bin|dat|img|[^.]*\.gz|gz)$/i;
-const WHOLE = /\.(nrrd|nii|mha|npy|vti|tiff?|tar)\.gz$/i;
+const HEADER_BYTES = 1 << 16;
 /** No ending, or the last number of a unique identifier. */
 const NAMELESS = /^[^.]+$|\.\d+$/;
 
@@ -51,18 +50,22 @@ async function walk(entry, all) {
 /**
  * One group for each volume. Of a folder, files of other kinds are passed over.
  * @param {Found[]} files
- * @returns {{groups: Group[], passedOver: number}}
+ * @returns {Promise<{groups: Group[], passedOver: number}>}
  * @throws {RangeError} if there are more volumes than one can mean
  */
-export function groupFiles(files) {
+export async function groupFiles(files) {
   const visible = files.filter(({ path }) => !path.split('/').some((part) => part.startsWith('.')));
-  const isSlice = ({ file }) => SLICE.test(file.name) || (NAMELESS.test(file.name) && !VOLUME.test(file.name));
-  const slices = visible.filter(isSlice);
-  const isMeant = ({ path, file }) => VOLUME.test(file.name) || !path.includes('/');
-  const headers = visible.filter(({ file }) => HEADER.test(file.name));
-  const packed = headers.map((header) => [header, ...dataOf(header, headers, visible)]).filter((files) => files.length > 1);
+  const packed = [];
+  for (const header of visible.filter(({ file }) => HEADER.test(file.name))) {
+    const data = await dataOf(header, visible);
+    if (data.length > 0) packed.push([header, ...data]);
+  }
   const inPacked = new Set(packed.flat());
-  const alone = visible.filter((one) => !isSlice(one) && isMeant(one) && !inPacked.has(one));
+  const isSlice = ({ file }) => SLICE.test(file.name) || (NAMELESS.test(file.name) && !VOLUME.test(file.name));
+  const rest = visible.filter((one) => !inPacked.has(one));
+  const slices = rest.filter(isSlice);
+  const isMeant = ({ path, file }) => VOLUME.test(file.name) || !path.includes('/');
+  const alone = rest.filter((one) => !isSlice(one) && isMeant(one));
   const count = alone.length + packed.length;
   if (count > MOST_VOLUMES) {
     throw new RangeError(`these are ${count} volumes; choose at most ${MOST_VOLUMES} at once, or pack the slices of one into a zip file`);
@@ -76,14 +79,31 @@ export function groupFiles(files) {
 }
 
 /**
- * Files that may hold a header's data: those in its folder or below, called like it where there are several headers.
- * @param {Found} header @param {Found[]} headers @param {Found[]} files
+ * The files that a header says its data are in, as far as they were chosen too.
+ * @param {Found} header @param {Found[]} files
  */
-function dataOf(header, headers, files) {
+async function dataOf(header, files) {
   const folder = header.path.slice(0, header.path.lastIndexOf('/') + 1);
-  const stem = header.file.name.replace(HEADER, '').toLowerCase();
-  const isBeside = ({ path, file }) => path.startsWith(folder) && DATA.test(file.name) && !WHOLE.test(file.name);
-  return files.filter((one) => isBeside(one) && (headers.length === 1 || one.file.name.toLowerCase().startsWith(`${stem}.`)));
+  const isNamed = namesIn(await header.file.slice(0, HEADER_BYTES).text());
+  return files.filter((one) => one !== header && one.path.startsWith(folder) && isNamed(one.path.slice(folder.length)));
+}
+
+/**
+ * Whether a header of NRRD or MetaImage names a file: alone, in a list, or by a pattern with a number.
+ * @param {string} text @returns {(name: string) => boolean}
+ */
+export function namesIn(text) {
+  const field = text.match(/^(?:data ?file:|ElementDataFile\s*=)\s*(.+?)\s*$/im);
+  const value = field?.[1] ?? '';
+  const plain = (name) => name.trim().replace(/^(\.\/)+/, '');
+  if (/^LIST\b/.test(value)) {
+    const names = new Set(text.slice(field.index).split(/\r?\n/).slice(1).map(plain));
+    return (name) => names.has(name);
+  }
+  const [, before, after] = value.match(/^(.*)%\d*d(\S*)(?:\s+-?\d+)+$/) ?? [];
+  if (before === undefined) return (name) => name === plain(value);
+  const start = plain(before);
+  return (name) => name.startsWith(start) && name.endsWith(after) && /^\d+$/.test(name.slice(start.length, name.length - after.length));
 }
 
 /** The folder that slices lie in, else how many they are. @param {Found[]} slices */

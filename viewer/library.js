@@ -73,7 +73,7 @@ export class Library extends Emitter {
   async openFiles(found) {
     let sorted;
     try {
-      sorted = groupFiles(found);
+      sorted = await groupFiles(found);
     } catch (error) {
       toastError(error);
       return;

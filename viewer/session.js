@@ -271,9 +271,13 @@ export class Session extends Emitter {
 
   /** Somebody else may delete what is shown here; or a change asked for a volume that is not there. */
   async #loseIfDeleted() {
-    const volume = this.volume;
-    const isGone = volume && (await api.volume(volume.id).then(() => false, ({ status }) => status === 404));
-    if (isGone && volume === this.volume) this.#lose(`The volume “${volume.name}” was deleted from the server.`);
+    const { id } = this.store;
+    const isGone = (asked) => asked.then(() => false, ({ status }) => status === 404);
+    const answer = await api.scene(id).catch(() => null);
+    // The scene may be of another volume by now.
+    if (!answer || !(await isGone(api.volume(answer.volume))) || id !== this.store.id) return;
+    const name = answer.volume === this.volume?.id ? ` “${this.volume.name}”` : '';
+    this.#lose(`The volume${name} of this scene was deleted from the server.`);
   }
 
   #lose(message) {
@@ -317,7 +321,9 @@ export class Session extends Emitter {
 
   /** Someone changed which volume the scene shows. */
   #followVolume(id) {
-    if (id !== this.volume?.id) api.volume(id).then((volume) => this.#setVolume(volume), () => {});
+    const { id: scene } = this.store;
+    const follow = (volume) => scene === this.store.id && this.store.scene?.volume === id && this.#setVolume(volume);
+    if (id !== this.volume?.id) api.volume(id).then(follow, () => {});
   }
 
   #setVolume(volume) {

@@ -10,7 +10,7 @@ use super::entry::VolumeEntry;
 use super::random_hex;
 use super::volumes::{VolumeLease, VolumeStore};
 use crate::error::{ApiError, ErrorCode};
-use crate::scene::{Scene, SceneDocument, SceneHistory};
+use crate::scene::{HistoryError, Scene, SceneDocument, SceneHistory};
 use crate::volume::VolumeId;
 
 /// A scene as it was at one revision.
@@ -128,9 +128,17 @@ impl SceneEntry {
                 lease
             }
             SceneChange::Undo | SceneChange::Redo => {
-                let moved = if matches!(change, SceneChange::Undo) { history.undo() } else { history.redo() };
-                moved.map_err(|error| ApiError::new(ErrorCode::NothingToUndo, error.to_string()))?;
-                lease(volumes, &history.scene().volume, "volume")?.1
+                let mut passed_over = None;
+                loop {
+                    let moved = if matches!(change, SceneChange::Undo) { history.undo() } else { history.redo() };
+                    let nothing = |error: HistoryError| ApiError::new(ErrorCode::NothingToUndo, error.to_string());
+                    moved.map_err(|error| passed_over.take().unwrap_or_else(|| nothing(error)))?;
+                    // What the scene was of a volume that has been deleted since is passed over.
+                    match lease(volumes, &history.scene().volume, "volume") {
+                        Err(error) if error.code == ErrorCode::VolumeNotFound => passed_over = Some(error),
+                        leased => break leased?.1,
+                    }
+                }
             }
         };
         *state = State { history, _lease: lease };

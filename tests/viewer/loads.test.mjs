@@ -294,7 +294,7 @@ test('a volume that somebody else deletes is lost with the next touch, and leave
     assert.equal((await fetch(`${running.url}/v1/volumes/${id}?force=true`, { method: 'DELETE' })).status, 204);
     await page.locator('#picture').focus();
     await page.keyboard.press('ArrowLeft');
-    await page.getByRole('alert').getByText('The volume “doomed” was deleted from the server.').waitFor();
+    await page.getByRole('alert').getByText('The volume “doomed” of this scene was deleted from the server.').waitFor();
     await page.waitForFunction(() => ![...document.querySelectorAll('.volumes .name')].some(({ textContent }) => textContent === 'doomed'));
   }, { hash: await freshScene(), ...REFUSED });
 });

@@ -47,10 +47,10 @@ test('the reader of these tests reads an archive of another program', () => {
 });
 
 test('chosen files are sorted into volumes, and slices of a series belong together', async () => {
-  const sort = (paths) => withModule('file_groups', ({ groupFiles }, list) => {
-    const found = list.map((path) => ({ path, file: new File(['x'], path.split('/').pop()) }));
+  const sort = (paths) => withModule('file_groups', async ({ groupFiles }, list) => {
+    const found = list.map((one) => [one].flat()).map(([path, text]) => ({ path, file: new File([text ?? 'x'], path.split('/').pop()) }));
     try {
-      const { groups, passedOver } = groupFiles(found);
+      const { groups, passedOver } = await groupFiles(found);
       return { groups: groups.map(({ name, files }) => [name, files ? files.length : 0]), passedOver };
     } catch (error) {
       return error.message;
@@ -61,11 +61,18 @@ test('chosen files are sorted into volumes, and slices of a series belong togeth
   assert.deepEqual(await sort(['one.dcm']), { groups: [['one.dcm', 0]], passedOver: 0 });
   const study = ['study/.DS_Store', 'study/readme.txt', 'study/a/IM0', 'study/a/IM1', 'study/b/1.2.840.17'];
   assert.deepEqual(await sort(study), { groups: [['study', 3]], passedOver: 2 });
-  // A header takes what is beside it; several of them, what is called like them.
-  assert.deepEqual(await sort(['h.nhdr', 'x.raw', 'b.nii.gz']), { groups: [['b.nii.gz', 0], ['h.nhdr', 2]], passedOver: 0 });
-  const headers = ['a/one.mhd', 'a/one.zraw', 'a/Two.nhdr', 'a/two.raw.gz', 'a/three.raw', 'one.raw'];
-  assert.deepEqual(await sort(headers), { groups: [['three.raw', 0], ['one.raw', 0], ['one.mhd', 2], ['Two.nhdr', 2]], passedOver: 0 });
-  assert.deepEqual(await sort(['alone.nhdr']), { groups: [['alone.nhdr', 0]], passedOver: 0 });
+  // A header takes what it names, in its folder or below, and nothing else.
+  const one = ['a/ct.mhd', 'ObjectType = Image\nElementDataFile = ct_data.raw\n'];
+  const list = ['a/v.nhdr', 'NRRD0001\nencoding: raw\ndata file: LIST\ns.0\n./deeper/s.1\n'];
+  const pattern = ['a/p.nhdr', 'NRRD0001\ndatafile: p%02d.raw 0 1 1\nencoding: raw\n'];
+  const others = ['a/ct_data.raw', 'a/s.0', 'a/deeper/s.1', 'a/p00.raw', 'a/p01.raw', 'a/px.raw', 'ct_data.raw', 'a/notes.txt'];
+  assert.deepEqual(await sort([one, list, pattern, ...others]), {
+    groups: [['px.raw', 0], ['ct_data.raw', 0], ['ct.mhd', 2], ['v.nhdr', 3], ['p.nhdr', 3]], passedOver: 1,
+  });
+  const local = ['l.mhd', 'ElementDataFile = LOCAL\n'];
+  assert.deepEqual(await sort([local, 'l.raw', ['alone.nhdr', 'data file: gone.raw']]), {
+    groups: [['l.mhd', 0], ['l.raw', 0], ['alone.nhdr', 0]], passedOver: 0,
+  });
   assert.match(await sort(Array.from({ length: 21 }, (_, i) => `stack/${i}.tif`)), /21 volumes; choose at most 20/);
 });
 

@@ -130,6 +130,31 @@ async fn undo_and_redo_make_new_revisions() {
 }
 
 #[tokio::test]
+async fn undo_and_redo_pass_over_what_was_of_a_volume_that_is_gone() {
+    let server = Server::new(&[]);
+    let scene = server.scene().await;
+    let source = json!({ "source": { "procedural": { "kind": "boxes", "dims": [8, 8, 8] } } });
+    let other = server.post("/v1/volumes", &source).await.json()["id"].clone();
+    let first = server.get(&scene).await.json();
+    let ambient = |value: f64| json!({ "lighting": { "ambient": value } });
+    server.patch(&scene, &ambient(0.125)).await;
+    server.patch(&scene, &json!({ "volume": other })).await;
+    server.patch(&scene, &json!({ "volume": first["volume"], "lighting": { "ambient": 0.25 } })).await;
+    assert_eq!(server.delete(&format!("/v1/volumes/{}", other.as_str().expect("an id"))).await.status, 204);
+    let seen = async |what: &str| {
+        let answer = server.send(request(Method::POST, &format!("{scene}/{what}"), &[], Body::empty())).await;
+        assert_eq!(answer.status, 200, "{answer:?}");
+        let json = answer.json();
+        assert_eq!(json["volume"], first["volume"]);
+        json["lighting"]["ambient"].clone()
+    };
+    assert_eq!(seen("undo").await, 0.125);
+    assert_eq!(seen("undo").await, first["lighting"]["ambient"]);
+    assert_eq!(seen("redo").await, 0.125);
+    assert_eq!(seen("redo").await, 0.25);
+}
+
+#[tokio::test]
 async fn concurrent_patches_all_happen_one_after_the_other() {
     let server = Server::new(&[]);
     let scene = server.scene().await;

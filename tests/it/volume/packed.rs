@@ -171,10 +171,12 @@ fn long_names_of_tars_are_read() {
     let mut pax = tar::Builder::new(Vec::new());
     for (path, bytes) in [("h.nhdr", header.into_bytes()), (&name, big_endian())] {
         let mut entry = tar::Header::new_gnu();
-        (entry.set_size(bytes.len() as u64), entry.set_mode(0o644));
+        entry.set_size(bytes.len() as u64);
+        entry.set_mode(0o644);
         gnu.append_data(&mut entry.clone(), path, &bytes[..]).expect("memory is written");
         pax.append_pax_extensions([("mtime", &b"1.5"[..]), ("path", path.as_bytes())]).expect("memory is written");
-        (entry.set_path("short").expect("it is"), entry.set_cksum());
+        entry.set_path("short").expect("it is");
+        entry.set_cksum();
         pax.append(&entry, &bytes[..]).expect("memory is written");
     }
     for archive in [gnu.into_inner(), pax.into_inner()].map(|archive| archive.expect("memory is written")) {
