@@ -67,7 +67,9 @@ impl Wanted {
         permit.wait_for_transfer().await?;
         let file = state.sources.fetch(&url, state.limits.max_upload_bytes, told).await?;
         let (name, content_type, bytes) = (url.file_name().to_owned(), file.content_type.clone(), file.bytes.clone());
-        let format = blocking(move || Format::of_fetched(&name, content_type.as_deref(), &bytes)).await??;
+        // An archive is looked into; not on the threads of loads, which may all be at work.
+        let format = move || Format::of_fetched(&name, content_type.as_deref(), &bytes);
+        let format = tokio::task::spawn_blocking(format).await.map_err(ApiError::internal)??;
         let source = VolumeSource::Fetched { url: url.shown(), bytes: file.bytes, format, choice };
         Ok(LoadRequest { source, extent })
     }

@@ -139,9 +139,9 @@ async fn from_body(state: &AppState, query: UploadQuery, request: Request) -> Re
     }
     let bytes = read_body(request, state.limits.max_upload_bytes, state.limits.request_timeout).await?;
     let (name, of_bytes) = (query.format.clone(), bytes.clone());
-    // An archive is looked into.
-    let detect = move || Format::detect(name.as_deref(), content_type.as_deref(), &of_bytes);
-    let format = blocking(detect).await??;
+    // As for a file from elsewhere.
+    let format = move || Format::detect(name.as_deref(), content_type.as_deref(), &of_bytes);
+    let format = tokio::task::spawn_blocking(format).await.map_err(ApiError::internal)??;
     let source = VolumeSource::Upload { bytes, format, raw: query.raw, choice: query.choice };
     Ok(Wanted { name: query.name, origin: Origin::Here(source), extent: query.extent })
 }

@@ -42,7 +42,8 @@ pub(in crate::volume) fn is_zarr(names: &[String]) -> bool {
 /// Whether a name in an archive is that of a hierarchy's document, or inside of a folder called so.
 fn is_document(name: &str) -> bool {
     let base = name.rsplit('/').next().unwrap_or_default();
-    DOCUMENTS.contains(&base) || name.split('/').any(|folder| folder.ends_with(".zarr"))
+    // Attributes alone are no array, and may have been left by anything.
+    (DOCUMENTS.contains(&base) && base != ".zattrs") || name.split('/').any(|folder| folder.ends_with(".zarr"))
 }
 
 impl<'i> Store<'i> {

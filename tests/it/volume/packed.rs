@@ -129,7 +129,7 @@ fn what_is_missing_doubtful_or_outside_is_named() {
 #[test]
 fn slices_of_dicom_win_over_what_lies_beside_them() {
     let header = format!("{FIELDS}encoding: raw\ndata file: mask.raw\n");
-    let mask = [("seg/mask.nhdr", header.as_bytes()), ("seg/mask.raw", &big_endian()[..]), (".zattr", b"")];
+    let mask = [("seg/mask.nhdr", header.as_bytes()), ("seg/mask.raw", &big_endian()[..]), (".zattrs", b"")];
     let slices = unzipped("explicit.zip");
     let slices: Vec<(&str, &[u8])> = slices.iter().map(|(name, bytes)| (&name[..], &bytes[..])).collect();
     for archive in [packed(&[&mask[..], &slices].concat()), packed(&[&slices, &mask[..]].concat())].concat() {
