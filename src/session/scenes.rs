@@ -96,7 +96,7 @@ impl SceneEntry {
         SceneSnapshot { id: self.id.clone(), revision: state.history.revision(), scene: state.history.scene().clone() }
     }
 
-    /// Changes the scene if `allowed` says so of its revision; on failure it stays what it was.
+    /// Changes the scene if `allowed` says so of the revision it has; on failure it stays what it was.
     ///
     /// # Errors
     /// `revision_mismatch`, `volume_not_found`, `nothing_to_undo`, or what is wrong with the document.

@@ -1,5 +1,6 @@
 //! One client's view of a scene: what it has been told, what it shall see next, and when.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -342,7 +343,12 @@ impl Watcher {
             Some((_, revision)) => SceneChange::Amend(patch, revision),
             None => SceneChange::Patch(patch),
         };
-        let snapshot = self.entry.change(&self.state.volumes, |_| true, change).map_err(|mut error| {
+        let before = Cell::new(0);
+        let told_before = |revision| {
+            before.set(revision);
+            true
+        };
+        let snapshot = self.entry.change(&self.state.volumes, told_before, change).map_err(|mut error| {
             // Paths of a message begin at the message.
             if let Some(path) = error.details.as_mut().and_then(|d| d.get_mut("path")) {
                 *path = match path.as_str() {
@@ -352,8 +358,9 @@ impl Watcher {
             }
             error
         })?;
-        // A patch that changes nothing begins no gesture: what follows must not continue somebody else's change.
-        if snapshot.revision > self.told.revision {
+        // A patch that changes nothing begins no gesture: what follows must not continue somebody else's change, of which
+        // this client may not have been told yet.
+        if snapshot.revision > before.get() {
             self.own_change = Some((Instant::now(), snapshot.revision));
         }
         self.catch_up(&snapshot, Some(patch), out);
