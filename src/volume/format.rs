@@ -261,18 +261,19 @@ pub fn load_watched(
 /// # Errors
 /// As [`load_path`], as far as the header goes; too large if more than 64 MiB had to be unwrapped at once.
 pub fn peek_path(path: &str, data_dir: &Path, raw: Option<&RawSpec>) -> Result<Shape, VolumeError> {
-    with_path(path, data_dir, raw, &Choice::default(), &Limits::default(), |mut input, format| {
-        input.most_unwrapped = MOST_FOR_A_GLANCE;
-        packed::unpacked(&mut input, format, format.row().peek)
-    })
+    told_path(path, data_dir, raw)?.1
 }
 
-/// Which format a file or folder has; of an archive, by what is in it.
-///
-/// # Errors
-/// As [`load_path`] for the path; unsupported `format` if it is none that is read.
-pub fn format_of_path(path: &str, data_dir: &Path) -> Result<Format, VolumeError> {
-    with_path(path, data_dir, None, &Choice::default(), &Limits::default(), |_, format| Ok(format))
+/// Which format a file or folder has, of an archive by what is in it, and what [`peek_path`] says of it.
+pub(super) fn told_path(
+    path: &str,
+    data_dir: &Path,
+    raw: Option<&RawSpec>,
+) -> Result<(Format, Result<Shape, VolumeError>), VolumeError> {
+    with_path(path, data_dir, raw, &Choice::default(), &Limits::default(), |mut input, format| {
+        input.most_unwrapped = MOST_FOR_A_GLANCE;
+        Ok((format, packed::unpacked(&mut input, format, format.row().peek)))
+    })
 }
 
 /// [`peek_path`] of a file with several volumes, or a folder of files: what a dry run needs. Of several levels of

@@ -12,7 +12,7 @@ use super::wrap::Wrapping;
 use super::{Limits, LoadStage, LoadWatch, RawSpec, VolumeError};
 
 /// Bytes of which a format can be recognised.
-const HEAD_BYTES: u64 = 1024;
+pub(super) const HEAD_BYTES: u64 = 1024;
 
 /// Most bytes of a file that is unwrapped as a whole: unlike a stream, it takes memory before its header is read.
 const MAX_UNWRAPPED_BYTES: u64 = 1 << 30;

@@ -3,7 +3,7 @@
 use std::fs::DirEntry;
 use std::path::Path;
 
-use super::format::{by_ending, format_of_path, peek_path};
+use super::format::{by_ending, told_path};
 use super::{Format, Shape, VolumeError, paths};
 
 /// Most entries of one directory that are looked at.
@@ -75,8 +75,11 @@ pub fn list_directory(
             let file = Path::new(path).join(&entry.name);
             // Both parts were text.
             let Some(file) = file.to_str() else { continue };
-            entry.format = format_of_path(file, data_dir).ok().or(entry.format);
-            entry.header = Some(peek_path(file, data_dir, None).map_err(|error| told(&error)));
+            let header = told_path(file, data_dir, None).and_then(|(format, header)| {
+                entry.format = Some(format);
+                header
+            });
+            entry.header = Some(header.map_err(|error| told(&error)));
         }
     }
     Ok(Listing { entries, more })

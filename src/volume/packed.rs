@@ -3,18 +3,17 @@
 use std::cell::RefCell;
 use std::fmt;
 use std::io::Read;
-use std::path::{Component, Path};
 
 use super::archive::{is_tar, is_zip};
 use super::error::excerpt;
 use super::format::by_ending;
 use super::formats::is_dicom;
 use super::indexed::{Indexed, plain_name};
-use super::input::{Input, Source, Stream};
+use super::input::{HEAD_BYTES, Input, Source, Stream};
 use super::siblings::{self, Packed, Siblings};
 use super::voxels::data_error;
 use super::wrap::unwrapped_name;
-use super::{Format, VolumeError};
+use super::{Format, VolumeError, paths};
 
 /// Headers that name other files.
 const HEADERS: [(&str, Format); 2] = [(".nhdr", Format::Nrrd), (".mhd", Format::MetaImage)];
@@ -30,9 +29,6 @@ const MAX_HEADER_BYTES: u64 = 16 << 20;
 
 /// Files that are looked into to tell whether they are slices.
 const TOLD_BY: usize = 64;
-
-/// First bytes of a file, by which it is told what it is.
-const HEAD_BYTES: u64 = 1024;
 
 /// The format of the one volume in an archive of these files; `None` if that is not one, or slices of DICOM are there
 /// too. `archive` is there if its files can be looked into at little cost.
@@ -160,11 +156,7 @@ impl PackedFiles<'_> {
 
 impl Packed for PackedFiles<'_> {
     fn check(&self, name: &str, field: &str) -> Result<(), VolumeError> {
-        let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
-        if name.is_empty() || !Path::new(name).components().all(plain) {
-            let message = format!("{} is not a relative path without `..`", excerpt(name));
-            return Err(VolumeError::malformed(field, message));
-        }
+        paths::check_relative(name, field)?;
         // They are sorted.
         if self.names.binary_search(&self.place(name)).is_ok() {
             return Ok(());

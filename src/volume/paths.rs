@@ -29,11 +29,7 @@ pub(super) fn resolve_any(root: &Path, base: &Path, name: &str, field: &str) -> 
 
 /// The same for anything that may be inside.
 pub(super) fn canonical_inside(root: &Path, base: &Path, name: &str, field: &str) -> Result<PathBuf, VolumeError> {
-    let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
-    if name.is_empty() || !Path::new(name).components().all(plain) {
-        let message = format!("{} is not a relative path without `..`", excerpt(name));
-        return Err(VolumeError::malformed(field, message));
-    }
+    check_relative(name, field)?;
     let canonical = |path: &Path| path.canonicalize().map_err(|e| VolumeError::io(field, e));
     let path = canonical(&base.join(name))?;
     if !path.starts_with(canonical(root)?) {
@@ -41,6 +37,15 @@ pub(super) fn canonical_inside(root: &Path, base: &Path, name: &str, field: &str
         return Err(VolumeError::malformed(field, message));
     }
     Ok(path)
+}
+
+/// Refuses a name that could lead out of where it is looked for.
+pub(super) fn check_relative(name: &str, field: &str) -> Result<(), VolumeError> {
+    let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
+    if !name.is_empty() && Path::new(name).components().all(plain) {
+        return Ok(());
+    }
+    Err(VolumeError::malformed(field, format!("{} is not a relative path without `..`", excerpt(name))))
 }
 
 /// Opens a resolved file; also says how many bytes it has.
